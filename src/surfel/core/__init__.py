@@ -1,0 +1,1 @@
+"""Lines and crossings (the two things that travel), estimates, casting, errors, execution."""
