@@ -1,0 +1,1 @@
+"""Space-partitioning indices over plain arrays: Hilbert order, neighbours, bounding volumes."""
