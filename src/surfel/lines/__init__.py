@@ -1,0 +1,1 @@
+"""Where lines come from: sequences, models, enclosing bodies. Arrays in, arrays out."""

@@ -1,0 +1,103 @@
+"""Bundles: parallel lines in a few directions, the best lines for volumes and moments.
+
+The integral of the length inside over all parallel lines is the volume, whatever their direction. So a few directions
+do, and the low-discrepancy points are spent on two dimensions, the offsets, instead of four: at 65,536 lines the error
+of a volume is 10 to 30 times smaller than with lines of all directions. Over evenly spread directions bundles are
+lines of the invariant measure like any other, if coarse ones: areas are better counted with all directions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel.core.cast import Floats
+from surfel.core.lines import Lines
+from surfel.lines.sequences import unit_points
+
+_GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Bundles:
+    """Parallel bundles that cover a set of points.
+
+    Parameters
+    ----------
+    directions : Floats, shape (b, 3)
+        Of each bundle.
+    across : Floats, shape (b, 2, 3)
+        Two unit vectors across each direction.
+    low, size : Floats, shape (b, 2)
+        The rectangle that each bundle fills.
+    shift : Floats, shape (b, 2)
+        Random shift of the offsets of each bundle.
+    centre : Floats, shape (3,)
+        A point in the middle.
+    """
+
+    directions: Floats
+    across: Floats
+    low: Floats
+    size: Floats
+    shift: Floats
+    centre: Floats
+
+    @classmethod
+    def over(cls, points: Floats, number: int, seed: int, margin: float) -> Bundles:
+        """Choose directions (a spherical Fibonacci set, turned at random) and the rectangles over the points.
+
+        Parameters
+        ----------
+        points : Floats, shape (n, 3)
+            All that is measured lies in their convex hull, grown by ``margin``.
+        number : int
+            How many bundles.
+        seed : int
+            Of the rotation and of the shifts.
+        margin : float
+            Added on all sides.
+        """
+        random = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, 2))))
+        turn = _random_rotation(random)
+        step = np.arange(number)
+        height = 1.0 - (step + 0.5) / number
+        ring, angle = np.sqrt(1.0 - height * height), _GOLDEN_ANGLE * step
+        directions = np.stack([ring * np.cos(angle), ring * np.sin(angle), height], axis=1) @ turn.T
+        across = np.stack([_frame(direction) for direction in directions])
+        centre = 0.5 * points.min(axis=0) + 0.5 * points.max(axis=0)
+        low, high = np.empty((number, 2)), np.empty((number, 2))
+        for b in range(number):
+            place = (points - centre) @ across[b].T
+            low[b], high[b] = place.min(axis=0) - margin, place.max(axis=0) + margin
+        return cls(directions, across, low, high - low, random.random((number, 2)), centre)
+
+    def measure(self, bundle: int) -> float:
+        """Return the line measure that one bundle stands for: 2 pi times its rectangle."""
+        return float(2.0 * np.pi * self.size[bundle].prod())
+
+    def lines(self, bundle: int, first: int, last: int, total: int) -> Lines:
+        """Return lines ``first`` to ``last - 1`` of the ``total`` lines of a bundle."""
+        place = self.low[bundle] + unit_points("r4", first, last - first, 2, self.shift[bundle]) * self.size[bundle]
+        count = last - first
+        return Lines(
+            self.centre + place @ self.across[bundle],
+            np.tile(self.directions[bundle], (count, 1)),
+            np.full(count, self.measure(bundle) / total),
+        )
+
+
+def _frame(direction: NDArray[np.float64]) -> Floats:
+    helper = np.eye(3)[np.abs(direction).argmin()]
+    first = np.cross(direction, helper)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(direction, first)])
+
+
+def _random_rotation(random: np.random.Generator) -> Floats:
+    """Return a uniformly random rotation: the orthogonal factor of a Gaussian matrix, its signs made unique."""
+    q, r = np.linalg.qr(random.standard_normal((3, 3)))
+    q = q * np.sign(np.diag(r))
+    return np.asarray(q * np.sign(np.linalg.det(q)))
