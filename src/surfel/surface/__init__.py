@@ -1,0 +1,1 @@
+"""What is learnt from bare points: spacing, normals, noise, projection, patches. Arrays in, arrays out."""

@@ -1,0 +1,119 @@
+"""Borders: the mass of the points that would be uncovered if they were left out.
+
+Inside a surface the cells of the points tile it. Along a border the hull of the points is smaller than the surface by
+about half a cell a point; but a random sample has few points on its hull. What is missing is what the outermost points
+stand for: a point whose own place is covered by triangles of the others is inner, one whose place is not adds a share
+of a cell.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel._numba import kernel, rows, threads_for
+from surfel.core.cast import Floats
+
+CELLS = 12
+"""How many closed cells nearby give the size of a border point's cell."""
+
+
+def border_share(regularity: float) -> float:
+    """Return how much of a cell an uncovered point adds: 1.13 for random points, 0.54 for blue noise.
+
+    Parameters
+    ----------
+    regularity : float
+        Mean of nearest distance over spacing: 0.5 for random points, 0.8 for blue noise.
+    """
+    return float(np.interp(regularity, [0.5, 0.8], [1.13, 0.54]))
+
+
+def nearby_cells(
+    chosen: NDArray[np.int32], neighbours: NDArray[np.int32], area: Floats, closed: NDArray[np.uint8], spacing: Floats
+) -> Floats:
+    """Return the mean area of the nearest closed cells round each chosen point, shape (m,); half a square spacing if none."""
+    out = np.empty(len(chosen))
+    with threads_for(len(chosen)):
+        _nearby(len(chosen), chosen, neighbours, area, closed, spacing, out)
+    return out
+
+
+@rows
+def _nearby(first, last, chosen, neighbours, area, closed, spacing, out):
+    for row in range(first, last):
+        total, count = 0.0, 0
+        for a in range(neighbours.shape[1]):
+            j = neighbours[row, a]
+            if closed[j] == 1:
+                total += area[j]
+                count += 1
+                if count >= CELLS:
+                    break
+        h = spacing[chosen[row]]
+        out[row] = total / count if count >= 4 else 0.5 * h * h
+
+
+@kernel
+def is_covered(u, v, count, x, y, cap2):
+    """Tell whether (x, y) lies in a Delaunay triangle of the points (u, v)[:count] with squared circumradius <= cap2.
+
+    The triangle is found as the facet of the lower hull of the lifted points below (x, y): start from any triangle
+    that holds the place and exchange one corner after another for the point farthest below its plane.
+    """
+    near, best = -1, 1e300
+    for a in range(count):
+        d = (u[a] - x) * (u[a] - x) + (v[a] - y) * (v[a] - y)
+        if d < best:
+            best, near = d, a
+    ax, ay = u[near] - x, v[near] - y
+    left = right = -1
+    left_angle = right_angle = -1.0
+    for a in range(count):
+        if a == near:
+            continue
+        bx, by = u[a] - x, v[a] - y
+        angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+        if angle >= 0.0 and angle > left_angle:
+            left_angle, left = angle, a
+        if angle < 0.0 and -angle > right_angle:
+            right_angle, right = -angle, a
+    if left < 0 or right < 0 or left_angle + right_angle < math.pi:
+        return False
+    p, q, r = near, left, right
+    for _ in range(200):
+        ax, ay, bx, by, cx, cy = u[p] - x, v[p] - y, u[q] - x, v[q] - y, u[r] - x, v[r] - y
+        az, bz, cz = ax * ax + ay * ay, bx * bx + by * by, cx * cx + cy * cy
+        det = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if abs(det) < 1e-15 * (az + bz + cz):
+            return False
+        gx = ((bz - az) * (cy - ay) - (cz - az) * (by - ay)) / det
+        gy = ((bx - ax) * (cz - az) - (cx - ax) * (bz - az)) / det
+        g = az - gx * ax - gy * ay
+        lowest, new = -1e-12 * (az + bz + cz), -1
+        for a in range(count):
+            wx, wy = u[a] - x, v[a] - y
+            below = wx * wx + wy * wy - (gx * wx + gy * wy + g)
+            if below < lowest:
+                lowest, new = below, a
+        if new < 0:
+            return g + 0.25 * (gx * gx + gy * gy) <= cap2
+        wx, wy = u[new] - x, v[new] - y
+        if _holds_origin(bx, by, cx, cy, wx, wy):
+            p = new
+        elif _holds_origin(cx, cy, ax, ay, wx, wy):
+            q = new
+        elif _holds_origin(ax, ay, bx, by, wx, wy):
+            r = new
+        else:
+            return False
+    return True
+
+
+@kernel
+def _holds_origin(ax, ay, bx, by, cx, cy):
+    s, t, w = ax * by - ay * bx, bx * cy - by * cx, cx * ay - cy * ax
+    eps = 1e-15 * (abs(ax) + abs(ay) + abs(bx) + abs(by)) * (abs(cx) + abs(cy))
+    return (s >= -eps and t >= -eps and w >= -eps) or (s <= eps and t <= eps and w <= eps)

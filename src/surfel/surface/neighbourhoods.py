@@ -1,0 +1,99 @@
+"""Neighbourhoods: a cloud's index with every point's nearest neighbours, cleaned of what is no surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel.core.cast import Floats
+from surfel.index.neighbours import PointIndex
+from surfel.surface.clean import duplicate_rows, stray_rows
+from surfel.surface.spacing import local_spacing, regularity
+
+NEAR = 24
+"""How many neighbours are kept with each point; they settle most cells."""
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbourhoods:
+    """An index and the nearest neighbours of every point, in the order of the index.
+
+    Parameters
+    ----------
+    index : PointIndex
+        Of the points.
+    rows : NDArray[np.int64], shape (n,)
+        The row of the original cloud that each row of the index stands for.
+    squared : Floats, shape (n, k)
+        Squared distances to the nearest neighbours, ascending.
+    near : NDArray[np.int32], shape (n, k)
+        Their rows in the index.
+    spacing : Floats, shape (n,)
+        Local spacing.
+    """
+
+    index: PointIndex
+    rows: NDArray[np.int64]
+    squared: Floats
+    near: NDArray[np.int32]
+    spacing: Floats
+
+    @classmethod
+    def of(cls, points: Floats, rows: NDArray[np.int64]) -> Neighbourhoods:
+        """Index the points, at least two of them; ``rows`` says which row of the original cloud each is."""
+        index = PointIndex(points)
+        squared, near = index.knn(min(NEAR, len(points) - 1))
+        return cls(index, rows[index.order], squared, near, local_spacing(squared))
+
+    @property
+    def points(self) -> Floats:
+        """The points in the order of the index, minus its origin, shape (n, 3)."""
+        return self.index.points
+
+    @property
+    def order(self) -> float:
+        """How regularly the points lie: 0.5 at random, 0.8 blue noise, 1 on a grid."""
+        return regularity(self.squared, self.spacing)
+
+    def subset(self, chosen: NDArray[np.int64]) -> Neighbourhoods:
+        """Index some of the points anew."""
+        return Neighbourhoods.of(self.points[chosen] + self.index.origin, self.rows[chosen])
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+def cleaned(points: Floats, normals: Floats | None) -> tuple[Neighbourhoods | None, dict[str, int]]:
+    """Index a cloud without its duplicates and strays.
+
+    Parameters
+    ----------
+    points : Floats, shape (n, 3)
+        Scaled so that their extent is about 1.
+    normals : Floats, shape (n, 3), optional
+        In the order of the points.
+
+    Returns
+    -------
+    Neighbourhoods or None
+        None where fewer than four distinct points are left.
+    dict of str to int
+        How many ``duplicates`` and ``strays`` were left out.
+    """
+    counts = {"duplicates": 0, "strays": 0}
+    if len(points) < 2:
+        return None, counts
+    hood = Neighbourhoods.of(points, np.arange(len(points)))
+    doubled = duplicate_rows(hood.points, None if normals is None else normals[hood.rows], hood.squared)
+    counts["duplicates"] = len(doubled)
+    if len(points) - len(doubled) < 4:
+        return None, counts
+    if len(doubled):
+        hood = hood.subset(np.delete(np.arange(len(hood)), doubled))
+    strays = stray_rows(hood.squared, hood.near)
+    counts["strays"] = len(strays)
+    if len(strays):
+        hood = hood.subset(np.delete(np.arange(len(hood)), strays))
+    return hood, counts

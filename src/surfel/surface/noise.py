@@ -1,0 +1,159 @@
+"""The noise level of a cloud: how far its points lie off the surface, in spacings."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel._numba import kernel, rows
+from surfel._vec import tangent_frame
+from surfel.core.cast import Floats
+from surfel.surface.planes import plane_of_neighbours, solve_spd
+
+SAMPLE = 1500
+"""How many points the level is estimated from."""
+
+QUANTILES = np.array([0.1, 0.2, 0.3, 0.5])
+QUANTILES_OF_WHITE_NOISE = np.array([0.66, 0.75, 0.83, 0.96])
+"""The level that each quantile shows for noise of level 1, measured on spheres."""
+
+
+class NeighbourSource(Protocol):
+    """What the surface estimators ask of an index: its sorted points, and neighbours as rows of them."""
+
+    @property
+    def points(self) -> Floats:
+        """Points in the order of the index, shape (n, 3)."""
+        ...
+
+    def knn(self, k: int, rows: NDArray[np.int32] | None = None) -> tuple[Floats, NDArray[np.int32]]:
+        """Return squared distances and rows of the k nearest neighbours, the point itself excluded."""
+        ...
+
+
+def sample_rows(points: Floats, count: int) -> NDArray[np.int32]:
+    """Choose rows by their rank in the distance from the centroid: permutation and rigid motion change nothing.
+
+    Parameters
+    ----------
+    points : Floats, shape (n, 3)
+        Coordinates.
+    count : int
+        How many rows at the most.
+
+    Returns
+    -------
+    NDArray[np.int32], shape (min(n, count),)
+        Row numbers, ascending.
+    """
+    ranks = radial_ranks(points)
+    n = len(points)
+    chosen = ranks if n <= count else ranks[(np.arange(count) * n + n // 2) // count]
+    return np.sort(chosen).astype(np.int32)
+
+
+def radial_ranks(points: Floats) -> NDArray[np.int64]:
+    """Return the rows in the order of their distance from the centroid."""
+    offset = points - points.mean(axis=0)
+    return np.argsort(np.einsum("ij,ij->i", offset, offset), kind="stable")
+
+
+def noise_level(index: NeighbourSource) -> float:
+    """Estimate the standard deviation of the points off the surface, in spacings.
+
+    Quadrics are fitted to small and to three times larger neighbourhoods; the residual of white noise is the same in
+    both, that of curvature grows with the third power of the radius, so that with residuals s and S in local spacings
+    ``sigma^2 = (3^1.5 s^2 - S^2) / (3^1.5 - 1)``. Where the residual is large against the radius the neighbourhoods grow.
+
+    Noise is everywhere, relief is not: the level is taken from several quantiles of the residuals, each scaled by what
+    it is for white noise, and the second smallest counts. A level far above what the flattest tenth of the cloud
+    shows is structure, too.
+
+    Parameters
+    ----------
+    index : NeighbourSource
+        Of the cloud.
+
+    Returns
+    -------
+    float
+        Standard deviation in spacings; 0 where the cloud is too small to tell.
+    """
+    n = len(index.points)
+    if n <= 4 * 48:
+        return 0.0
+    chosen = sample_rows(index.points, SAMPLE)
+    level, flattest = 0.0, math.inf
+    wide = 48
+    while wide < n // 4 and wide <= 432:
+        residual = np.empty((len(chosen), 3))
+        _quadric_residuals(len(chosen), index.points, chosen, index.knn(wide, chosen)[1], wide // 3, residual)
+        level = _white_part(residual[:, 0], residual[:, 1])
+        if wide == 48:
+            flattest = float(np.quantile(residual[:, 2], 0.10)) / 0.5
+        if np.median(residual[:, 0]) * math.sqrt(math.pi / (wide // 3)) < 0.17:
+            break
+        wide *= 3
+    return flattest if level > 8.0 * flattest else level
+
+
+def _white_part(small: Floats, large: Floats) -> float:
+    """Return the level of white noise that both residuals share, the second smallest over the quantiles."""
+    growth = 3.0**1.5
+    low, high = np.quantile(small**2, QUANTILES), np.quantile(large**2, QUANTILES)
+    levels = np.sqrt(np.maximum(0.0, (growth * low - high) / (growth - 1.0))) / QUANTILES_OF_WHITE_NOISE
+    return float(np.sort(levels)[1])
+
+
+@rows
+def _quadric_residuals(first, last, points, chosen, neighbours, small, residual):
+    """Write the residuals of quadrics over ``small`` and all neighbours, and of a plane over 6, in local spacings."""
+    m, k = neighbours.shape
+    f, matrix, right = np.empty(6), np.empty((6, 6)), np.empty(6)
+    for row in range(first, last):
+        i = chosen[row]
+        last = neighbours[row, small - 1]
+        dx, dy, dz = points[last, 0] - points[i, 0], points[last, 1] - points[i, 1], points[last, 2] - points[i, 2]
+        h = math.sqrt((dx * dx + dy * dy + dz * dz) * math.pi / small) + 1e-300
+        residual[row, 0] = _quadric_residual(points, i, neighbours, row, small, f, matrix, right) / h
+        residual[row, 1] = _quadric_residual(points, i, neighbours, row, k, f, matrix, right) / h
+        off = plane_of_neighbours(points, i, neighbours, row, 6)[3]
+        last = neighbours[row, 5]
+        dx, dy, dz = points[last, 0] - points[i, 0], points[last, 1] - points[i, 1], points[last, 2] - points[i, 2]
+        h = math.sqrt((dx * dx + dy * dy + dz * dz) * math.pi / 6) + 1e-300
+        residual[row, 2] = off * math.sqrt(7.0 / 4.0) / h
+
+
+@kernel
+def _quadric_residual(points, i, neighbours, row, k, f, matrix, right):
+    """Fit a height quadric over the plane of point i and its first k neighbours; return its unbiased residual."""
+    nx, ny, nz, _, cx, cy, cz = plane_of_neighbours(points, i, neighbours, row, k)
+    e = tangent_frame(nx, ny, nz)
+    last = neighbours[row, k - 1]
+    dx, dy, dz = points[last, 0] - points[i, 0], points[last, 1] - points[i, 1], points[last, 2] - points[i, 2]
+    scale = 1.0 / (math.sqrt(dx * dx + dy * dy + dz * dz) + 1e-300)
+    matrix[:, :] = 0.0
+    right[:] = 0.0
+    square = 0.0
+    for a in range(-1, k):
+        j = i if a < 0 else neighbours[row, a]
+        x, y, z = points[j, 0] - cx, points[j, 1] - cy, points[j, 2] - cz
+        u = (x * e[0] + y * e[1] + z * e[2]) * scale
+        v = (x * e[3] + y * e[4] + z * e[5]) * scale
+        w = x * nx + y * ny + z * nz
+        square += w * w
+        f[0], f[1], f[2], f[3], f[4], f[5] = 1.0, u, v, u * u, u * v, v * v
+        for p in range(6):
+            right[p] += f[p] * w
+            for q in range(p + 1):
+                matrix[p, q] += f[p] * f[q]
+    for p in range(6):
+        matrix[p, p] += 1e-9
+    load = right.copy()
+    solve_spd(matrix, right, 6)
+    for p in range(6):
+        square -= right[p] * load[p]
+    return math.sqrt(max(square, 0.0) / (k - 5))

@@ -1,0 +1,131 @@
+"""Normals of bare points, unoriented and edge-aware: a sharp edge stays sharp."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel._numba import rows, threads_for
+from surfel.core.cast import Floats
+from surfel.surface.planes import plane_of_neighbours
+from surfel.surface.projection import project
+
+NEIGHBOURS = 12
+"""How many neighbours a plane is fitted to."""
+
+CANDIDATES = 24
+"""Among how many neighbours a point near an edge looks for a cleaner plane."""
+
+
+class Planes(NamedTuple):
+    """Planes fitted round each point: normal (n, 3) of either sign, residual (n,) in units of length, centre (n, 3)."""
+
+    normal: Floats
+    residual: Floats
+    centre: Floats
+
+    @classmethod
+    def empty(cls, n: int) -> Planes:
+        """Return room for n planes."""
+        return cls(np.empty((n, 3)), np.empty(n), np.empty((n, 3)))
+
+
+def fitted_normals(points: Floats, neighbours: NDArray[np.int32], spacing: Floats) -> Floats:
+    """Return edge-aware unit normals of arbitrary sign, shape (n, 3).
+
+    First planes, each point near an edge taking the best of its neighbours' (see :func:`choose_planes`); then the
+    slope, at the point, of a quadric over that plane, fitted to those neighbours whose planes are alike. The slope of
+    a plane through random neighbours is off by their asymmetry times the curvature; that of a quadric is not.
+
+    Parameters
+    ----------
+    points : Floats, shape (n, 3)
+        Coordinates.
+    neighbours : NDArray[np.int32], shape (n, m)
+        Nearest neighbours of each point, ascending by distance, the point itself excluded.
+    spacing : Floats, shape (n,)
+        Local spacing of the points.
+    """
+    everyone = np.arange(len(points), dtype=np.int32)
+    planes = Planes.empty(len(points))
+    fit_planes(points, everyone, neighbours, NEIGHBOURS, planes)
+    chosen = choose_planes(points, neighbours, spacing, planes)
+    return project(points, chosen, everyone, np.ascontiguousarray(neighbours[:, :NEIGHBOURS]))[1]
+
+
+def fit_planes(
+    points: Floats, chosen: NDArray[np.int32], neighbours: NDArray[np.int32], k: int, planes: Planes
+) -> None:
+    """Fit a plane to each of the chosen points and its first k neighbours, and write it into ``planes``."""
+    with threads_for(len(chosen)):
+        _fit(len(chosen), points, chosen, neighbours, min(k, neighbours.shape[1]), *planes)
+
+
+def choose_planes(
+    points: Floats,
+    neighbours: NDArray[np.int32],
+    spacing: Floats,
+    planes: Planes,
+    *,
+    rough: float = 0.1,
+    better: float = 0.5,
+) -> Floats:
+    """Give each point near an edge the normal of the neighbour whose plane fits it best.
+
+    Round an edge a least-squares plane cuts the corner. Where the residual exceeds ``rough`` spacings, the point takes
+    the normal of that neighbour j whose plane has the least ``sqrt(residual_j^2 + distance to plane_j^2)``, if that is
+    below ``better`` times its own residual (Kuwahara's filter, on planes).
+
+    Returns
+    -------
+    Floats, shape (n, 3)
+        Unit normals.
+    """
+    chosen = np.empty((len(points), 3))
+    with threads_for(len(points)):
+        _choose(
+            len(points),
+            points,
+            neighbours,
+            spacing,
+            min(CANDIDATES, neighbours.shape[1]),
+            rough,
+            better,
+            *planes,
+            chosen,
+        )
+    return chosen
+
+
+@rows
+def _fit(first, last, points, chosen, neighbours, k, normal, residual, centre):
+    for row in range(first, last):
+        i = chosen[row]
+        nx, ny, nz, r, cx, cy, cz = plane_of_neighbours(points, i, neighbours, row, k)
+        normal[i, 0], normal[i, 1], normal[i, 2] = nx, ny, nz
+        centre[i, 0], centre[i, 1], centre[i, 2] = cx, cy, cz
+        residual[i] = r
+
+
+@rows
+def _choose(first, last, points, neighbours, spacing, candidates, rough, better, normal, residual, centre, chosen):
+    for i in range(first, last):
+        source = -1
+        if residual[i] >= rough * spacing[i]:
+            best = better * residual[i]
+            for a in range(candidates):
+                j = neighbours[i, a]
+                off = (
+                    (points[i, 0] - centre[j, 0]) * normal[j, 0]
+                    + (points[i, 1] - centre[j, 1]) * normal[j, 1]
+                    + (points[i, 2] - centre[j, 2]) * normal[j, 2]
+                )
+                r = math.sqrt(residual[j] * residual[j] + off * off)
+                if r < best:
+                    best = r
+                    source = j
+        for x in range(3):
+            chosen[i, x] = normal[i, x] if source < 0 else normal[source, x]

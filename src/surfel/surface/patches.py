@@ -1,0 +1,187 @@
+"""The local patches of a cloud: every point's share of the area, found without a mesh.
+
+The estimator, in the order of its steps: neighbours; normals where none are given; the noise level, and projection
+where it matters; the tangent Voronoi cell of each point, unfolded over sharp edges; corrections for curvature and
+roughness; and the mass that the outermost points of a border stand for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel.core.cast import Floats
+from surfel.core.execute import blocks
+from surfel.surface.border import border_share, nearby_cells
+from surfel.surface.cells import Cells, clip_cells, flat_points, reach_of
+from surfel.surface.denoise import denoise, matters
+from surfel.surface.neighbourhoods import Neighbourhoods
+from surfel.surface.noise import noise_level
+from surfel.surface.normals import fitted_normals
+
+FAR = 64
+"""Neighbours that cells are asked again with where the nearest do not settle them."""
+
+_ROWS = 1 << 18  # wide neighbourhoods are looked up for so many points at a time, and never stored whole
+
+
+@dataclass(frozen=True, eq=False)
+class LocalPatches:
+    """The patches of a cloud, in the order of ``hood``, and what went into them.
+
+    Parameters
+    ----------
+    hood : Neighbourhoods
+        Of the points (projected, where there was noise).
+    normals : Floats, shape (n, 3)
+        Unit normals of either sign.
+    areas : Floats, shape (n,)
+        Each patch's share of the area; their sum is the area.
+    cells : Cells
+        The tangent Voronoi cells behind the areas.
+    border : Floats, shape (n,)
+        The part of the areas that stands for borders.
+    roughness : float
+        Sum of cell area times roughness.
+    noise : float
+        In spacings; as estimated before projection.
+    random_border : bool
+        Whether the border looks like that of randomly scattered points.
+    projected : bool
+        Whether noise was taken off.
+    """
+
+    hood: Neighbourhoods
+    normals: Floats
+    areas: Floats
+    cells: Cells
+    border: Floats
+    roughness: float
+    noise: float
+    random_border: bool
+    projected: bool
+
+    @property
+    def area(self) -> float:
+        """The area of the cloud's surface."""
+        return float(self.areas.sum())
+
+
+def local_patches(
+    hood: Neighbourhoods, normals: Floats | None = None, noise: float | None = None, star: int = 0
+) -> LocalPatches:
+    """Estimate the patches of a cloud.
+
+    Parameters
+    ----------
+    hood : Neighbourhoods
+        Of distinct points, at least four.
+    normals : Floats, shape (m, 3), optional
+        Unit normals of either sign, zero where unknown, in the order of the original cloud.
+    noise : float, optional
+        The noise level in spacings, where it is known already.
+    star : int
+        How many neighbours round each cell to keep, for the fans.
+
+    Returns
+    -------
+    LocalPatches
+        In the order of its neighbourhoods.
+    """
+    level = noise_level(hood.index) if noise is None else noise
+    if matters(level, hood.order):
+        smooth, fitted = denoise(hood, level)
+        return _patches_of(smooth, fitted, level, star, projected=True)
+    return _patches_of(hood, None if normals is None else normals[hood.rows], level, star, projected=False)
+
+
+def _patches_of(
+    hood: Neighbourhoods, normals: Floats | None, noise: float, star: int, *, projected: bool
+) -> LocalPatches:
+    """Estimate the patches of points that are as clean as they will get."""
+    normals = _completed(hood, normals)
+    cells = _settled_cells(hood, normals, star, 2 if projected else 1)
+    border, random_border = _border(hood, cells)
+    areas = cells.area * (1.0 + cells.curved)
+    rough = areas * cells.rough
+    if projected:
+        areas = areas - 0.8 * rough + border - _noisy_border(cells, hood.spacing, noise, random_border)
+    else:
+        areas = areas + border + _fine_relief(hood, normals) * rough
+    return LocalPatches(hood, normals, areas, cells, border, float(rough.sum()), noise, random_border, projected)
+
+
+def _fine_relief(hood: Neighbourhoods, normals: Floats) -> float:
+    """Return how far the roughness that the normals show between points is to be counted, from 0 to 1.
+
+    Random samples have relief between them. The vertices of a scanned mesh, which lie in good order, are its relief;
+    but the normals of exact facets, known by many neighbours that share a plane, belong to samples all the same.
+    """
+    step = hood.points[hood.near[:, 0]] - hood.points
+    off = np.abs(np.einsum("ij,ij->i", step, normals)) + np.abs(np.einsum("ij,ij->i", step, normals[hood.near[:, 0]]))
+    facets = float((off <= 1e-6 * np.sqrt(hood.squared[:, 0])).mean())
+    return max(float(np.interp(hood.order, [0.6, 0.75], [1.0, 0.0])), float(np.interp(facets, [0.02, 0.1], [0.0, 1.0])))
+
+
+def _completed(hood: Neighbourhoods, normals: Floats | None) -> Floats:
+    """Return the given normals with the unknown ones fitted; all of them fitted where none are given."""
+    if normals is None:
+        return fitted_normals(hood.points, hood.near, hood.spacing)
+    unknown = ~normals.any(axis=1)
+    upright = _upright(normals)
+    if not unknown.any():
+        return upright
+    return np.where(unknown[:, None], fitted_normals(hood.points, hood.near, hood.spacing), upright)
+
+
+def _upright(normals: Floats) -> Floats:
+    """Give every normal the sign of its last component that is not zero: a flipped one changes no bit of what follows."""
+    x, y, z = normals.T
+    down = (z < 0.0) | ((z == 0.0) & ((y < 0.0) | ((y == 0.0) & (x < 0.0))))
+    return np.ascontiguousarray(normals * np.where(down, -1.0, 1.0)[:, None])
+
+
+def _settled_cells(hood: Neighbourhoods, normals: Floats, star: int, proof: int) -> Cells:
+    """Clip every cell by its near neighbours, then those that farther ones might change by more of them."""
+    n, k = hood.near.shape
+    flat = flat_points(hood.points, normals, hood.near)
+    reach = reach_of(hood.order)
+    cells = Cells.empty(n, star)
+    everyone = np.arange(n, dtype=np.int32)
+    few = k == n - 1
+    clip_cells(cells, hood.points, normals, flat, hood.spacing, everyone, hood.near, reach, proof, final=few)
+    if not few:
+        for rows in _in_blocks(np.flatnonzero(cells.secure == 0).astype(np.int32)):
+            wide = hood.index.knn(min(FAR, n - 1), rows)[1]
+            clip_cells(cells, hood.points, normals, flat, hood.spacing, rows, wide, reach, proof, final=True)
+    return cells
+
+
+def _border(hood: Neighbourhoods, cells: Cells) -> tuple[Floats, bool]:
+    """Return what each uncovered point stands for, and whether the border is that of random points."""
+    border = np.zeros(len(hood))
+    opened = cells.closed == 0
+    if not opened.any() or not cells.area.any():  # points on a line have no cell, and no border either
+        return border, False
+    far = (cells.uncovered & 2) > 0
+    random_border = bool(far[opened].mean() > 0.25)
+    bare = np.flatnonzero((cells.uncovered & 1) > 0 if random_border else far).astype(np.int32)
+    if len(bare):
+        share = border_share(hood.order)
+        for rows in _in_blocks(bare):
+            wide = hood.index.knn(min(48, len(hood) - 1), rows)[1]
+            border[rows] = share * nearby_cells(rows, wide, cells.area, cells.closed, hood.spacing)
+    return border, random_border
+
+
+def _in_blocks(rows: NDArray[np.int32]) -> list[NDArray[np.int32]]:
+    return [rows[start:stop] for start, stop in blocks(len(rows), _ROWS)]
+
+
+def _noisy_border(cells: Cells, spacing: Floats, noise: float, random_border: bool) -> Floats | float:
+    """Return by how much noise, projected along bent normals, has widened the border at each open point."""
+    if noise <= 0.15 or not random_border:
+        return 0.0
+    return np.where(cells.closed == 0, noise * min(1.15, 0.65 + 0.28 * noise) * spacing * spacing, 0.0)

@@ -1,0 +1,57 @@
+"""Is a place covered? against Delaunay triangulations; and the cells near a border."""
+
+from __future__ import annotations
+
+import naive
+import numpy as np
+import pytest
+from scipy.spatial import Delaunay
+
+from surfel.surface.border import border_share, is_covered, nearby_cells
+
+
+@pytest.mark.parametrize("cap2", [1e9, 0.08, 0.02])
+@pytest.mark.parametrize("seed", range(8))
+def test_a_place_is_covered_if_its_delaunay_triangle_is_small(seed, cap2):
+    rng = np.random.default_rng(seed)
+    flat = rng.random((rng.integers(3, 40), 2))
+    u, v = flat.T.copy()
+    diagram = Delaunay(flat)
+    answers = []
+    for place in rng.random((40, 2)) * 1.2 - 0.1:
+        expected = naive.covered(flat, diagram, place, cap2)
+        assert bool(is_covered(u, v, len(flat), place[0], place[1], cap2)) == expected
+        answers.append(expected)
+    if cap2 > 1 and len(flat) > 8:
+        assert 0 < sum(answers) < len(answers)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_fewer_than_three_points_cover_nothing(count):
+    assert not is_covered(np.array([0.0, 1.0]), np.array([0.0, 1.0]), count, 0.5, 0.5, 1e9)
+
+
+def test_points_on_a_line_cover_nothing():
+    u = np.linspace(-1.0, 1.0, 9)
+    assert not is_covered(u, 0.5 * u, 9, 0.1, 0.05, 1e9)
+    assert not is_covered(u, 0.5 * u, 9, 0.1, 0.2, 1e9)
+
+
+def test_the_share_of_a_border_point_falls_with_regularity():
+    assert border_share(0.5) == 1.13 and border_share(0.8) == 0.54
+    assert border_share(0.3) == 1.13 and border_share(1.0) == 0.54
+    assert 0.54 < border_share(0.65) < 1.13
+
+
+def test_the_size_of_nearby_cells_is_the_mean_of_the_nearest_twelve_closed_ones():
+    rng = np.random.default_rng(0)
+    area, closed = rng.random(50), (rng.random(50) < 0.6).astype(np.uint8)
+    neighbours = np.stack([rng.permutation(50)[:30] for _ in range(5)]).astype(np.int32)
+    spacing = np.full(50, 0.1)
+    sizes = nearby_cells(np.arange(5, dtype=np.int32), neighbours, area, closed, spacing)
+    for row, size in enumerate(sizes):
+        near = [area[j] for j in neighbours[row] if closed[j]][:12]
+        assert size == pytest.approx(np.mean(near), rel=1e-12)
+    closed[:] = 0
+    closed[:3] = 1
+    np.testing.assert_allclose(nearby_cells(np.arange(5, dtype=np.int32), neighbours, area, closed, spacing), 0.005)

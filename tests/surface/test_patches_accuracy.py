@@ -1,0 +1,69 @@
+"""How near the sum of the patches comes, with honest slack: several times the error that is expected."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapes_with_truth as truth
+
+from surfel.surface.neighbourhoods import Neighbourhoods
+from surfel.surface.patches import local_patches
+
+N = 12_000
+
+
+def _error(cloud, normals, points=None):
+    points = cloud.points if points is None else points
+    local = local_patches(Neighbourhoods.of(points, np.arange(len(points))), normals)
+    return local.area / cloud.area - 1.0, local
+
+
+@pytest.mark.parametrize(
+    ("shape", "given", "none"),
+    [
+        (truth.sphere, 0.0010, 0.0015),
+        (truth.even_sphere, 0.0010, 0.0010),
+        (truth.uneven_sphere, 0.0020, 0.0030),
+        (truth.torus, 0.0020, 0.0025),
+        (truth.cylinder, 0.0015, 0.0050),
+        (truth.box, 0.0015, 0.0050),
+        (truth.square, 0.0050, 0.0050),
+        (truth.half_sphere, 0.0050, 0.0050),
+        (truth.crossing_squares, 0.0080, 0.0100),
+    ],
+)
+def test_random_points(shape, given, none):
+    for seed in (21, 22):
+        cloud = shape(N, seed)
+        assert abs(_error(cloud, cloud.normals)[0]) < given
+        assert abs(_error(cloud, None)[0]) < none
+
+
+def test_patches_are_local():
+    cloud = truth.box(N, 1)
+    _, local = _error(cloud, None)
+    for axis in range(3):
+        for side in (-0.5, 0.5):
+            face = np.abs(local.hood.points[:, axis] + local.hood.index.origin[axis] - side) < 1e-9
+            assert local.areas[face].sum() == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize("sigma", [0.1, 0.5])
+@pytest.mark.parametrize("shape", [truth.sphere, truth.torus])
+def test_noise_is_taken_off(shape, sigma):
+    cloud = shape(N, 5)
+    error, local = _error(cloud, None, cloud.noisy(sigma, 6))
+    assert abs(error) < 0.003 + 0.02 * sigma
+    assert local.projected
+
+
+def test_a_surface_without_a_border_has_no_border_mass():
+    cloud = truth.sphere(3000, 1)
+    assert not _error(cloud, None)[1].border.any()
+    assert _error(truth.square(3000, 1), None)[1].border.any()
+
+
+def test_points_on_a_line_have_no_area():
+    for line in (np.arange(300.0), np.random.default_rng(0).random(300)):
+        points = np.outer(line / line.max(), [1.0, 2.0, -3.0])
+        assert local_patches(Neighbourhoods.of(points, np.arange(300))).area == 0.0

@@ -1,0 +1,97 @@
+"""Moving least squares against numpy, and the noise level against planted noise."""
+
+from __future__ import annotations
+
+import naive
+import numpy as np
+import pytest
+import shapes_with_truth as truth
+
+from surfel.index.neighbours import PointIndex
+from surfel.surface.denoise import denoise, fit_width
+from surfel.surface.neighbourhoods import Neighbourhoods
+from surfel.surface.noise import noise_level, radial_ranks, sample_rows
+from surfel.surface.projection import project
+
+
+@pytest.fixture(scope="module")
+def rough_cloud():
+    ball = truth.torus(400, 3)
+    points = ball.noisy(0.1, 4)
+    rng = np.random.default_rng(5)
+    normals = ball.normals + 0.05 * rng.standard_normal((400, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return points, normals * np.where(rng.random(400) < 0.5, -1.0, 1.0)[:, None]
+
+
+@pytest.mark.parametrize("alike", [0.8, 0.0])
+def test_projection_is_the_weighted_least_squares_quadric(rough_cloud, alike):
+    points, normals = rough_cloud
+    _, rows = naive.nearest(points, 24)
+    chosen = np.arange(0, 400, 3, dtype=np.int32)
+    moved, turned = project(points, normals, chosen, np.ascontiguousarray(rows[chosen]), alike=alike)
+    for row, i in enumerate(chosen):
+        a, b = naive.frame(normals[i])
+        width = 0.5 * np.linalg.norm(points[rows[i, -1]] - points[i])
+        alikes = [j for j in rows[i] if abs(normals[j] @ normals[i]) >= alike]
+        offset = np.concatenate([[np.zeros(3)], points[alikes] - points[i]])
+        u, v, w = offset @ a / width, offset @ b / width, offset @ normals[i]
+        found = naive.quadric(u, v, w, np.exp(-0.5 * (u**2 + v**2)))
+        np.testing.assert_allclose(moved[row], points[i] + found[0] * normals[i], atol=1e-6 * width)
+        slope = normals[i] - found[1] / width * a - found[2] / width * b
+        np.testing.assert_allclose(turned[row], slope / np.linalg.norm(slope), atol=1e-4)
+
+
+def test_projection_does_not_depend_on_the_signs_of_the_neighbours(rough_cloud):
+    points, normals = rough_cloud
+    _, rows = naive.nearest(points, 24)
+    chosen = np.arange(100, dtype=np.int32)
+    turned_round = normals.copy()
+    turned_round[100:] *= -1.0
+    ours, theirs = (project(points, n, chosen, rows[:100])[0] for n in (normals, turned_round))
+    np.testing.assert_array_equal(ours, theirs)
+
+
+def test_projection_takes_most_of_the_noise_off():
+    ball = truth.sphere(6000, 1)
+    for sigma, left in ((0.1, 0.6), (0.5, 0.35)):
+        hood = Neighbourhoods.of(ball.noisy(sigma, 2), np.arange(6000))
+        smooth, normals = denoise(hood, sigma)
+        off = np.linalg.norm(smooth.points + smooth.index.origin, axis=1) - 1.0
+        assert np.std(off) < left * sigma * ball.spacing
+        assert sorted(smooth.rows) == list(range(6000))
+        outward = ball.points[smooth.rows]
+        assert np.median(np.abs(np.einsum("ij,ij->i", normals, outward))) > 0.99
+
+
+def test_the_width_of_the_fit_grows_with_the_noise_within_limits():
+    assert [fit_width(s, 10**6) for s in (0.01, 0.4, 0.5, 1.0, 5.0)] == [24, 24, 37, 150, 500]
+    assert fit_width(1.0, 80) == 10
+
+
+@pytest.mark.parametrize("sigma", [0.05, 0.1, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize("shape", [truth.sphere, truth.torus])
+def test_planted_noise_is_recovered_within_a_fifth(shape, sigma):
+    cloud = shape(8000, 11)
+    assert noise_level(PointIndex(cloud.noisy(sigma, 12))) == pytest.approx(sigma, rel=0.2)
+
+
+@pytest.mark.parametrize("shape", [truth.sphere, truth.torus, truth.box, truth.square, truth.cylinder])
+def test_clean_surfaces_have_no_noise(shape):
+    assert noise_level(PointIndex(shape(8000, 2).points)) < 0.01
+
+
+@pytest.mark.parametrize("n", [4, 25, 191, 192, 193, 194, 195, 196, 197, 575, 576, 580])
+def test_any_number_of_points_has_some_noise_level(n):
+    assert 0.0 <= noise_level(PointIndex(truth.sphere(n, 1).points)) < 0.2
+
+
+def test_chosen_rows_are_the_same_places_after_permutation_and_rotation():
+    points = np.random.default_rng(0).random((500, 3))
+    order = np.random.default_rng(1).permutation(500)
+    rows = sample_rows(points, 60)
+    again = sample_rows((points @ truth.rotation(2).T)[order], 60)
+    assert sorted(order[again]) == sorted(rows)
+    assert len(set(rows)) == 60
+    assert sorted(radial_ranks(points)) == list(range(500))
+    assert sample_rows(points[:40], 60).tolist() == list(range(40))
