@@ -1,0 +1,1 @@
+"""What a line can cross: clouds, meshes, exact primitives, trees."""

@@ -1,0 +1,183 @@
+"""What is learnt from a cloud's points, each thing once, on first use."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel.core.cast import Floats
+from surfel.core.crossings import Crossings
+from surfel.core.errors import InputError
+from surfel.core.lines import Lines
+from surfel.core.patches import Patches
+from surfel.index.bvh import TriangleBvh
+from surfel.shapes.sheets import CloudCrossings, crossings_of
+from surfel.surface.fans import STAR, Fans, build_fans
+from surfel.surface.neighbourhoods import Neighbourhoods, cleaned
+from surfel.surface.orient import Orientation, orient
+from surfel.surface.patches import LocalPatches, local_patches
+from surfel.surface.sampling_error import SamplingError, sampling_error
+
+Value = TypeVar("Value")
+
+
+class CloudSurface:
+    """The surface of a cloud, in the coordinates of the cloud unless said otherwise.
+
+    Inside, the cloud is centred and scaled by a power of two to an extent of about 1, so that any units and offsets
+    give the same digits. The order of the work: clean, estimate the patches, judge their error; and only for lines:
+    fans, their tree, and the orientation.
+
+    Parameters
+    ----------
+    points : Floats, shape (n, 3)
+        Finite coordinates.
+    normals : Floats, shape (n, 3), optional
+        Unit normals, zero where unknown.
+    """
+
+    def __init__(self, points: Floats, normals: Floats | None) -> None:
+        self._given = normals
+        self._count = len(points)
+        self._lock = threading.RLock()
+        self._known: dict[str, Any] = {}
+        low = points.min(axis=0) if len(points) else np.zeros(3)
+        high = points.max(axis=0) if len(points) else np.zeros(3)
+        self.origin = 0.5 * low + 0.5 * high
+        extent = float((0.5 * high - 0.5 * low).max())
+        if not extent < 1e150:
+            raise InputError(
+                f"the points span {extent:g} to either side of their middle, which squares cannot hold; scale them down"
+            )
+        self.scale = 2.0 ** math.frexp(extent)[1] if extent > 1e-150 else 1.0
+        self._points = (points - self.origin) / self.scale
+
+    @property
+    def cleaning(self) -> Mapping[str, int]:
+        """How many duplicates and strays were left out."""
+        return self._cleaned[1]
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the points off the surface, in spacings; NaN where there is no surface."""
+        return math.nan if self.local is None else self.local.noise
+
+    @property
+    def spacing(self) -> float:
+        """Typical distance between neighbouring points; NaN where there is no surface."""
+        return math.nan if self.local is None else float(np.median(self.local.hood.spacing)) * self.scale
+
+    @property
+    def local(self) -> LocalPatches | None:
+        """The patches in centred and scaled coordinates, in the order of their index; None for less than four points."""
+        hood = self._cleaned[0]
+        if hood is None:
+            return None
+        return self._once("local", lambda: local_patches(hood, self._given, star=STAR))
+
+    @property
+    def error(self) -> SamplingError | None:
+        """How far the area may be off, in scaled units; None where there is no surface."""
+        hood, local = self._cleaned[0], self.local
+        if hood is None or local is None:
+            return None
+        return self._once("error", lambda: sampling_error(hood, self._given, local))
+
+    @property
+    def known(self) -> tuple[LocalPatches, SamplingError]:
+        """The local patches and the error of their area; an InputError where there is no surface."""
+        local, error = self.local, self.error
+        if local is None or error is None:
+            raise InputError(f"{self._count} points show no surface; at least four distinct ones are needed")
+        return local, error
+
+    @property
+    def patches(self) -> Patches:
+        """One patch for each point, in the order of the cloud; what cleaning left out has no area."""
+        return self._once("patches", self._all_patches)
+
+    @property
+    def orientation(self) -> Orientation:
+        """Signs for the normals, in the order of the index."""
+        local = self._surface()
+        return self._once("orientation", lambda: orient(local.hood.points, local.normals, local.hood.near))
+
+    def cross(self, lines: Lines) -> CloudCrossings:
+        """Return every hit of every line on the fans, weighted by its share of the area."""
+        if self.local is None:
+            nothing = np.empty(0)
+            return CloudCrossings(
+                np.zeros(len(lines) + 1, np.int64), nothing, nothing, nothing, np.empty(0, np.int32), nothing, nothing
+            )
+        fans, tree, normals, spacing = self._once("fans", self._crossable)
+        inner = Lines((lines.origins - self.origin) / self.scale, lines.directions, lines.weights)
+        hits = tree.cross(inner.origins, inner.directions, barycentric=True)
+        found = crossings_of(inner, hits, fans.vertices, normals, spacing, fans.triangles, fans.weights, fans.votes)
+        return CloudCrossings(
+            found.offsets, found.t * self.scale, found.cosine, found.weight, found.leaf, found.share,
+            found.gap * self.scale,
+        )  # fmt: skip
+
+    def contains(self, points: Floats) -> NDArray[np.bool_]:
+        """Tell which points lie inside: by the parity of the sheets on one side, on most of three lines."""
+        votes = np.zeros(len(points), np.int64)
+        for direction in _GENERIC:
+            lines = Lines(points, np.tile(direction, (len(points), 1)), np.ones(len(points)))
+            events = self.cross(lines).merged()
+            after = np.bincount(events.lines[events.t > 0.0], minlength=len(points))
+            votes += after % 2
+        return np.asarray(votes >= 2)
+
+    @property
+    def _cleaned(self) -> tuple[Neighbourhoods | None, dict[str, int]]:
+        return self._once("cleaned", lambda: cleaned(self._points, self._given))
+
+    def _surface(self) -> LocalPatches:
+        return self.known[0]
+
+    def _all_patches(self) -> Patches:
+        points, normals, areas = self._points.copy(), np.zeros_like(self._points), np.zeros(self._count)
+        if self.local is not None:
+            hood = self.local.hood
+            points[hood.rows] = hood.points + hood.index.origin
+            normals[hood.rows] = self._signed(self.local)
+            areas[hood.rows] = self.local.areas
+        return Patches(points * self.scale + self.origin, normals, areas * self.scale**2)
+
+    def _signed(self, local: LocalPatches) -> Floats:
+        """Give the normals the signs of the given ones; those of unknown sign that of the orientation."""
+        if self._given is None:
+            return self.orientation.normals
+        given = self._given[local.hood.rows]
+        side = np.sign(np.einsum("ij,ij->i", given, local.normals))
+        if (side == 0.0).any():
+            oriented = self.orientation.normals
+            return np.where(side[:, None] == 0.0, oriented, local.normals * side[:, None])
+        return np.asarray(local.normals * side[:, None])
+
+    def _crossable(self) -> tuple[Fans, TriangleBvh, Floats, Floats]:
+        local = self._surface()
+        fans = build_fans(local.hood.points, local.normals, local.areas, local.cells.star, local.cells.joined)
+        normals = np.ascontiguousarray(self._signed(local)[fans.owner])
+        vertices = fans.vertices + local.hood.index.origin
+        return (
+            fans._replace(vertices=vertices),
+            TriangleBvh(vertices, fans.triangles),
+            normals,
+            local.hood.spacing[fans.owner],
+        )
+
+    def _once(self, name: str, make: Callable[[], Value]) -> Value:
+        with self._lock:
+            if name not in self._known:
+                self._known[name] = make()
+            return self._known[name]  # type: ignore[no-any-return]
+
+
+_GENERIC = np.array([[0.57232, 0.31415, 0.75736], [-0.67513, 0.69314, 0.25264], [0.16181, -0.83462, 0.52651]])
+_GENERIC /= np.linalg.norm(_GENERIC, axis=1, keepdims=True)

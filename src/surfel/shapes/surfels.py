@@ -1,0 +1,287 @@
+"""Surfels: a cloud of points as a shape, immutable, with everything learnt from it kept on first use."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from surfel.core.cast import Floats, as_points, as_rows, read_only
+from surfel.core.crossings import Crossings
+from surfel.core.errors import InputError
+from surfel.core.lines import Lines
+from surfel.core.patches import Patches
+from surfel.shapes.base import Shape, as_affine
+
+if TYPE_CHECKING:
+    from surfel.shapes.cloud_surface import CloudSurface
+
+
+class Surfels(Shape):
+    """A cloud of surface elements: points, and what is known at each of them.
+
+    Arrays are copied at the door and read-only. Rows whose coordinates are not finite are dropped there and counted
+    in ``dropped``. Normals are scaled to unit length; a normal that is zero or not finite means "not known here" and
+    is kept as zero. Duplicates stay: what measures a cloud counts them and looks at each place once.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 3)
+        World coordinates, kept in double precision.
+    normals : array_like, shape (n, 3), optional
+        Normals of any length and either sign; outward where they are to tell the inside.
+    radii : array_like, shape (n,), optional
+        Radii of the surfels.
+    colors : array_like, shape (n, 3) or (n, 4), optional
+        Colors, 0 to 255 in integers or 0 to 1 in floats; the type is kept.
+    attributes : mapping of str to array_like of n rows, optional
+        Any further values by name (intensity, classification, ...).
+    solid : bool, optional
+        True: the cloud bounds a solid even where it leaks. False: it is a sheet. None: decided from the leak share.
+    provenance : mapping, optional
+        Where the cloud came from and what the reader did to it.
+
+    Raises
+    ------
+    InputError
+        If a shape does not fit or a value is not a number.
+
+    Examples
+    --------
+    >>> import numpy as np, surfel
+    >>> rng = np.random.default_rng(0)
+    >>> p = rng.standard_normal((2000, 3))
+    >>> p /= np.linalg.norm(p, axis=1, keepdims=True)
+    >>> ball = surfel.Surfels(p)
+    >>> len(ball), ball.normals is None
+    (2000, True)
+    """
+
+    def __init__(
+        self,
+        points: ArrayLike,
+        normals: ArrayLike | None = None,
+        radii: ArrayLike | None = None,
+        colors: ArrayLike | None = None,
+        attributes: Mapping[str, ArrayLike] | None = None,
+        solid: bool | None = None,
+        provenance: Mapping[str, object] | None = None,
+    ) -> None:
+        place = as_points(points, finite=False)
+        rows = len(place)
+        keep = np.isfinite(place).all(axis=1)
+        everything = bool(keep.all())
+
+        def kept(array: NDArray[Any]) -> NDArray[Any]:
+            chosen = array.copy() if everything else array[keep]
+            return read_only(np.ascontiguousarray(chosen))
+
+        self._points = kept(place)
+        self._normals = None if normals is None else kept(_unit(as_rows(normals, "normals", rows)))
+        self._radii = None if radii is None else kept(_radii(radii, rows))
+        self._colors = None if colors is None else kept(_of_rows(colors, "colors", rows))
+        if self._colors is not None and (self._colors.ndim != 2 or self._colors.shape[1] not in (3, 4)):
+            raise InputError(f"colors must have shape ({rows}, 3) or ({rows}, 4); got {np.shape(colors)}")
+        self._attributes = MappingProxyType(
+            {
+                str(name): kept(_of_rows(value, f"attribute {name!r}", rows))
+                for name, value in (attributes or {}).items()
+            }
+        )
+        if not (solid is None or isinstance(solid, bool | np.bool_)):
+            raise InputError(f"solid must be True, False or None; got {solid!r}")
+        self._solid = None if solid is None else bool(solid)
+        self._provenance = MappingProxyType(dict(provenance or {}))
+        self._dropped = rows - len(self._points)
+        self._lock = threading.RLock()
+        self._surface: CloudSurface | None = None
+
+    @property
+    def points(self) -> Floats:
+        """World coordinates, shape (n, 3), read-only."""
+        return self._points
+
+    @property
+    def normals(self) -> Floats | None:
+        """Unit normals as given, zero where unknown, shape (n, 3); None where none were given."""
+        return self._normals
+
+    @property
+    def radii(self) -> Floats | None:
+        """Radii as given, shape (n,), or None."""
+        return self._radii
+
+    @property
+    def colors(self) -> NDArray[Any] | None:
+        """Colors as given, shape (n, 3) or (n, 4), or None."""
+        return self._colors
+
+    @property
+    def attributes(self) -> Mapping[str, NDArray[Any]]:
+        """Any further values, by name."""
+        return self._attributes
+
+    @property
+    def solid(self) -> bool | None:
+        """Whether the cloud was said to bound a solid."""
+        return self._solid
+
+    @property
+    def provenance(self) -> Mapping[str, object]:
+        """Where the cloud came from."""
+        return self._provenance
+
+    @property
+    def dropped(self) -> int:
+        """How many rows were dropped at the door because a coordinate was not finite."""
+        return self._dropped
+
+    @property
+    def bounds(self) -> Floats:
+        """The lowest and the highest corner, shape (2, 3)."""
+        if len(self) == 0:
+            raise InputError("an empty cloud has no bounds")
+        return np.stack([self._points.min(axis=0), self._points.max(axis=0)])
+
+    @property
+    def surface(self) -> CloudSurface:
+        """What is learnt from the points (spacing, noise, normals, patches), computed once, on first use."""
+        with self._lock:
+            if self._surface is None:
+                from surfel.shapes.cloud_surface import CloudSurface
+
+                self._surface = CloudSurface(self._points, self._normals)
+            return self._surface
+
+    def transformed(self, matrix: ArrayLike) -> Surfels:
+        """Return the cloud under an affine map.
+
+        Parameters
+        ----------
+        matrix : array_like, shape (4, 4)
+            The last row is 0 0 0 1. Normals follow by the inverse transpose; radii by the cube root of the volume's
+            factor, which is exact for rigid motions and uniform scales.
+
+        Raises
+        ------
+        InputError
+            If the matrix is not affine, not finite or singular.
+        """
+        affine = as_affine(matrix)
+        linear = affine[:3, :3]
+        normals = None if self._normals is None else self._normals @ np.linalg.inv(linear)
+        radii = None if self._radii is None else self._radii * abs(np.linalg.det(linear)) ** (1.0 / 3.0)
+        return self._like(points=self._points @ linear.T + affine[:3, 3], normals=normals, radii=radii)
+
+    def cropped(self, shape: Shape) -> Surfels:
+        """Return the part of the cloud whose points lie inside ``shape``."""
+        return self[shape.contains(self._points)]
+
+    def with_solid(self, solid: bool | None) -> Surfels:
+        """Return the same cloud, said to be a solid (True), a sheet (False), or undecided (None)."""
+        return self._like(solid=solid)
+
+    def __getitem__(self, rows: Any) -> Surfels:
+        """Return the chosen rows (a mask, a slice, or row numbers) with all that is known at them."""
+        if isinstance(rows, int | np.integer):
+            row = range(len(self))[rows]  # an IndexError past the end, which ends a loop over the cloud
+            rows = slice(row, row + 1)
+        return self._like(
+            points=self._points[rows],
+            normals=None if self._normals is None else self._normals[rows],
+            radii=None if self._radii is None else self._radii[rows],
+            colors=None if self._colors is None else self._colors[rows],
+            attributes={name: value[rows] for name, value in self._attributes.items()},
+        )
+
+    def __add__(self, other: Surfels) -> Surfels:
+        """Concatenate two clouds; what only one of them knows (colors, radii, an attribute) is left out."""
+        if not isinstance(other, Surfels):
+            return NotImplemented
+
+        def joined(a: NDArray[Any] | None, b: NDArray[Any] | None) -> NDArray[Any] | None:
+            return None if a is None or b is None or a.shape[1:] != b.shape[1:] else np.concatenate([a, b])
+
+        both = {k: joined(v, other.attributes.get(k)) for k, v in self._attributes.items()}
+        return Surfels(
+            np.concatenate([self._points, other.points]),
+            joined(self._normals, other.normals),
+            joined(self._radii, other.radii),
+            joined(self._colors, other.colors),
+            {k: v for k, v in both.items() if v is not None},
+            self._solid if self._solid == other.solid else None,
+        )
+
+    def __len__(self) -> int:
+        return len(self._points)
+
+    def __repr__(self) -> str:
+        known = [name for name in ("normals", "radii", "colors") if getattr(self, name) is not None]
+        return f"Surfels({len(self):,} points" + "".join(f", {name}" for name in [*known, *self._attributes]) + ")"
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = self.__dict__.copy()
+        del state["_lock"]
+        state["_surface"] = None
+        for name in ("_attributes", "_provenance"):
+            state[name] = dict(state[name])
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        for name in ("_attributes", "_provenance"):
+            setattr(self, name, MappingProxyType(state[name]))
+        for array in (self._points, self._normals, self._radii, self._colors, *self._attributes.values()):
+            if array is not None:
+                read_only(array)
+        self._lock = threading.RLock()
+
+    def _like(self, **changes: Any) -> Surfels:
+        same = {
+            name: getattr(self, f"_{name}")
+            for name in ("points", "normals", "radii", "colors", "attributes", "solid", "provenance")
+        }
+        return Surfels(**{**same, **changes})
+
+    def _cross(self, lines: Lines) -> Crossings:
+        return self.surface.cross(lines)
+
+    def _sheets(self, crossings: Crossings) -> Crossings:
+        from surfel.shapes.sheets import CloudCrossings
+
+        return crossings.merged() if isinstance(crossings, CloudCrossings) else crossings
+
+    def _patches(self, n: int) -> Patches:
+        return self.surface.patches
+
+    def _contains(self, points: Floats) -> NDArray[np.bool_]:
+        return self.surface.contains(points)
+
+
+def _unit(normals: Floats) -> Floats:
+    """Scale to unit length; zero where the length is zero or not finite."""
+    largest = np.abs(normals).max(axis=1, keepdims=True, initial=0.0)
+    known = np.isfinite(largest) & (largest > 0.0)
+    scaled = np.divide(normals, largest, out=np.zeros_like(normals), where=known)
+    length = np.sqrt(np.einsum("ij,ij->i", scaled, scaled))[:, None]
+    return np.divide(scaled, length, out=np.zeros_like(scaled), where=length > 0.0)
+
+
+def _radii(value: ArrayLike, rows: int) -> Floats:
+    radii = as_rows(np.reshape(np.asarray(value), (-1, 1)), "radii", rows, 1)[:, 0]
+    if not (np.isfinite(radii).all() and (radii >= 0.0).all()):
+        raise InputError("radii must be finite and not negative")
+    return radii
+
+
+def _of_rows(value: ArrayLike, name: str, rows: int) -> NDArray[Any]:
+    array = np.asarray(value)
+    if array.ndim == 0 or len(array) != rows:
+        raise InputError(f"{name} must have one row for each of the {rows} points; got shape {array.shape}")
+    if array.dtype.kind == "O":
+        raise InputError(f"{name} must be numbers or text of fixed length; got Python objects")
+    return array
