@@ -1,0 +1,1 @@
+"""Area, volume, moments and their errors."""

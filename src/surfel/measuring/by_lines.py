@@ -1,0 +1,201 @@
+"""Measuring by lines: randomly shifted copies of one sequence, cast in blocks, doubled until the error is small."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from surfel.core.cast import Floats
+from surfel.core.errors import ConvergenceError
+from surfel.core.estimate import Estimate
+from surfel.core.execute import Policy, Progress, blocks, run_blocks
+from surfel.core.lines import Lines
+from surfel.lines.box import OrientedBox
+from surfel.lines.enclosing import Ball
+from surfel.lines.models import line_block
+from surfel.lines.sequences import from_shifts, shifts
+from surfel.measuring.line_sums import COLUMNS, Moments, inertia_tensor, line_values, moments_of, shift_sums
+from surfel.shapes.base import Shape
+
+SHIFTS = 16
+"""Random shifts behind every error bar: with 8 the intervals were found to be too narrow."""
+
+MOST_LINES = 1 << 28
+"""A tolerance that asks for more lines than this is refused."""
+
+_BLOCK = 4096  # lines of each shift that are cast at a time
+
+
+class LineSource(Protocol):
+    """Sixteen randomised sets of lines: where they come from, and the measure that each set stands for."""
+
+    @property
+    def centre(self) -> Floats:
+        """What moments are taken about, shape (3,)."""
+        ...
+
+    def lines(self, shift: int, first: int, last: int, total: int) -> Lines:
+        """Return lines first to last - 1 of the ``total`` lines of a set."""
+        ...
+
+    def measure(self, shift: int) -> float:
+        """Return the line measure of a whole set."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class ShiftedLines:
+    """Lines of all directions through a convex body, from randomly shifted copies of one sequence."""
+
+    body: Ball | OrientedBox
+    model: str
+    sequence: Any
+    offsets: Floats
+
+    @classmethod
+    def of(cls, body: Ball | OrientedBox, model: str, sequence: Any, seed: int) -> ShiftedLines:
+        """Draw the shifts."""
+        return cls(body, model, sequence, shifts(seed, SHIFTS, 4))
+
+    @property
+    def centre(self) -> Floats:
+        """The middle of the body."""
+        return np.asarray(self.body.centre)
+
+    def lines(self, shift: int, first: int, last: int, total: int) -> Lines:
+        """Return lines first to last - 1 of the ``total`` lines of a shift."""
+        return line_block(self.sequence, self.model, self.body, first, last - first, total, self.offsets[shift])
+
+    def measure(self, shift: int) -> float:
+        """Return the measure of the lines that hit the body, ``pi S / 2``."""
+        return float(0.5 * np.pi * self.body.surface)
+
+
+@dataclass(frozen=True, eq=False)
+class LineResult:
+    """What lines tell about a shape.
+
+    Parameters
+    ----------
+    area, volume, centroid, inertia : Estimate
+        With the errors of the lines alone.
+    leak : float
+        Share of the lines that hit which pass an odd number of sheets; NaN where none hit.
+    lines : int
+        How many were cast.
+    """
+
+    area: Estimate
+    volume: Estimate
+    centroid: Estimate
+    inertia: Estimate
+    leak: float
+    lines: int
+
+
+def measure_by_lines(
+    shape: Shape,
+    source: LineSource,
+    lines: int,
+    *,
+    tolerance: float | None = None,
+    goal: str = "volume",
+    policy: Policy | None = None,
+    progress: Progress | None = None,
+) -> LineResult:
+    """Cast lines through a shape.
+
+    Parameters
+    ----------
+    shape : Shape
+        What is crossed.
+    source : LineSource
+        Where the lines come from.
+    lines : int
+        How many to cast in all, over the sixteen sets.
+    tolerance : float, optional
+        Double the lines until the half-width of the 95 % interval of ``goal`` is at most this share of its value.
+    goal : {"area", "volume"}
+        What the tolerance is for.
+    policy : Policy, optional
+        Where the blocks run.
+    progress : Progress, optional
+        Called as the work proceeds.
+
+    Raises
+    ------
+    ConvergenceError
+        If more than :data:`MOST_LINES` lines would be needed.
+    """
+    sums, done, wanted = np.zeros((SHIFTS, COLUMNS)), 0, max(1, -(-lines // SHIFTS))
+    while True:
+        sums = sums + _cast(shape, source, done, wanted, policy, progress)
+        done = wanted
+        result = _estimates(sums, done, source)
+        if tolerance is None or _narrow(result.area if goal == "area" else result.volume, tolerance):
+            return result
+        if 2 * done * SHIFTS > MOST_LINES:
+            raise ConvergenceError(
+                f"the {goal} is not known to {tolerance:g} of its value after {done * SHIFTS:,} lines; ask for less"
+            )
+        wanted = 2 * done
+
+
+def _cast(
+    shape: Shape, source: LineSource, start: int, stop: int, policy: Policy | None, progress: Progress | None
+) -> Floats:
+    """Return the column sums of each set over its lines start to stop."""
+
+    def block(span: tuple[int, int]) -> Floats:
+        first, last = start + span[0], start + span[1]
+        parts = [source.lines(shift, first, last, stop) for shift in range(SHIFTS)]
+        lines = Lines(
+            np.concatenate([part.origins for part in parts]),
+            np.concatenate([part.directions for part in parts]),
+            np.concatenate([part.weights for part in parts]),
+        )
+        hits = shape._cross(lines)
+        return shift_sums(line_values(lines, hits, shape._sheets(hits), source.centre), SHIFTS)
+
+    total = np.zeros((SHIFTS, COLUMNS))
+    for part in run_blocks(block, blocks(stop - start, _BLOCK), policy, progress, "casting lines"):
+        total += part
+    return total
+
+
+def _estimates(sums: Floats, per_shift: int, source: LineSource) -> LineResult:
+    parts = [moments_of(row, per_shift, source.measure(shift)) for shift, row in enumerate(sums)]
+    area = _over_shifts(np.array([part.area for part in parts]))
+    volume = _over_shifts(np.array([part.volume for part in parts]))
+    if min(part.volume for part in parts) > 0.0:
+        bodies = [inertia_tensor(part.volume, part.first, part.second) for part in parts]
+        whole = _mean(parts)
+        centre, tensor = inertia_tensor(whole.volume, whole.first, whole.second)
+        centroid = replace(_over_shifts(np.array([c for c, _ in bodies])), value=centre + source.centre)
+        inertia = replace(_over_shifts(np.array([i for _, i in bodies])), value=tensor)
+    else:
+        reason = "no line passes through an inside" if volume.value == 0.0 else "too few lines hit"
+        centroid = Estimate.unknown(reason, np.full(3, np.nan))
+        inertia = Estimate.unknown(reason, np.full((3, 3), np.nan))
+    hit, odd = np.array([source.measure(shift) for shift in range(len(sums))]) @ sums[:, 1:3]
+    return LineResult(area, volume, centroid, inertia, float(odd / hit) if hit else math.nan, per_shift * SHIFTS)
+
+
+def _over_shifts(values: Floats) -> Estimate:
+    unit = math.ldexp(
+        1.0, math.frexp(float(np.abs(values).max()))[1] - 1
+    )  # squares of raw values may over- or underflow
+    mean, error, freedom = from_shifts(values / unit)
+    return Estimate(mean * unit, error * unit, freedom=freedom)
+
+
+def _mean(parts: list[Moments]) -> Moments:
+    return Moments(*(np.mean([part[i] for part in parts], axis=0) for i in range(len(parts[0]))))
+
+
+def _narrow(estimate: Estimate, tolerance: float) -> bool:
+    low, high = estimate.interval(0.95)
+    return bool(0.5 * (high - low) <= tolerance * abs(estimate.value))
