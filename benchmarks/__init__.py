@@ -1,0 +1,1 @@
+"""Benchmarks of surfel: ``python -m benchmarks accuracy|speed|peers`` from the root of the repository."""

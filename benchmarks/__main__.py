@@ -1,0 +1,130 @@
+"""``python -m benchmarks accuracy|speed|peers``: tables of what surfel reaches, beside targets and peers."""
+
+from __future__ import annotations
+
+import argparse
+
+QUICK_ROWS = "random 5k,clean sets,bunny vertices"
+QUICK_SHAPES = "sphere,spot,fandisk,torus mesh,bunny,cube,square"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one benchmark and return the exit status."""
+    chosen = _parser().parse_args(arguments)
+    return int(chosen.run(chosen))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    commands = parser.add_subparsers(required=True, metavar="accuracy|speed|peers")
+    _add_accuracy(commands.add_parser("accuracy", help="errors and intervals of areas, volumes and centroids"))
+    _add_speed(commands.add_parser("speed", help="times, memory and threads"))
+    _add_peers(commands.add_parser("peers", help="the same clouds through other libraries"))
+    return parser
+
+
+def _common(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--quick", action="store_true", help="a few cases, about a minute")
+    parser.add_argument("--out", metavar="FILE.md", help="write the Markdown there, too")
+
+
+def _add_accuracy(parser: argparse.ArgumentParser) -> None:
+    _common(parser)
+    parser.add_argument("--only", default="", metavar="ROWS", help="rows by (parts of) names, separated by commas")
+    parser.add_argument("--shape", default="", metavar="SHAPES", help="shapes by (parts of) names")
+    parser.add_argument("--normals", default="both", choices=("both", "given", "none"))
+    parser.add_argument("--set", dest="which", default="judging", choices=("judging", "tuning", "hard"))
+    parser.add_argument("--seeds", type=int, metavar="N", help="clouds of each shape, where they are random")
+    parser.add_argument(
+        "--mode", default="error", choices=("value", "error", "measure"),
+        help="the area alone (fastest), with its error (default), or surfel.measure() with lines",
+    )  # fmt: skip
+    parser.add_argument("--lines", type=int, default=100_000, help="for rows about solids and --mode measure")
+    parser.add_argument("--jobs", type=int, default=1, help="cases measured at a time, in processes of their own")
+    parser.add_argument("--json", metavar="FILE", help="write one JSON object a case there")
+    parser.add_argument("--no-details", action="store_true", help="leave out the table of single cases")
+    parser.add_argument("--list", action="store_true", help="say which rows and shapes there are")
+    parser.set_defaults(run=_accuracy)
+
+
+def _accuracy(chosen: argparse.Namespace) -> int:
+    from benchmarks import accuracy
+    from benchmarks.rows import ROWS, cases
+    from benchmarks.tables import publish
+
+    if chosen.list:
+        for row in ROWS:
+            print(f"{row.name}: {', '.join(row.shapes)}")
+        return 0
+    only = chosen.only or (QUICK_ROWS if chosen.quick else "")
+    shape = chosen.shape or (QUICK_SHAPES if chosen.quick else "")
+    todo = list(cases(only, shape, chosen.normals, chosen.which, chosen.seeds))
+    if not todo:
+        print("no case is left by these filters; --list shows the names")
+        return 2
+    outcomes = accuracy.run(todo, chosen.mode, chosen.jobs, chosen.lines)
+    accuracy.save_json(outcomes, chosen.json)
+    if chosen.out is None:
+        publish(accuracy.summary(outcomes), None)
+    else:
+        publish(accuracy.report(outcomes, detailed=not chosen.no_details), chosen.out)
+    return 0 if len(outcomes) else 1
+
+
+def _add_speed(parser: argparse.ArgumentParser) -> None:
+    _common(parser)
+    parser.add_argument("--only", default="", metavar="PARTS", help="parts by name, separated by commas")
+    parser.add_argument("--repeats", type=int, default=5, metavar="N", help="runs behind each median")
+    parser.set_defaults(run=_speed)
+
+
+def _speed(chosen: argparse.Namespace) -> int:
+    from benchmarks import speed
+    from benchmarks.tables import publish
+
+    wanted = [part.strip() for part in chosen.only.split(",") if part.strip()]
+    unknown = [part for part in wanted if part not in speed.PARTS]
+    if unknown:
+        print(f"no such part: {', '.join(unknown)}; there are {', '.join(speed.PARTS)}")
+        return 2
+    repeats = 1 if chosen.quick else chosen.repeats
+    timings = speed.run(tuple(wanted) or (speed.QUICK if chosen.quick else tuple(speed.PARTS)), repeats)
+    publish(speed.report(timings, repeats), chosen.out)
+    return 0
+
+
+def _add_peers(parser: argparse.ArgumentParser) -> None:
+    _common(parser)
+    parser.add_argument("what", choices=("area",), help="what is compared")
+    parser.add_argument(
+        "--only", default="", metavar="CASES", help="cases by parts of their labels, separated by semicolons"
+    )
+    parser.add_argument("--methods", default="", help="methods by parts of their names, separated by semicolons")
+    parser.add_argument("--no-large", action="store_true", help="leave out the 500,000 points, which take a minute")
+    parser.set_defaults(run=_peers)
+
+
+def _peers(chosen: argparse.Namespace) -> int:
+    from benchmarks import peers
+    from benchmarks.tables import publish
+
+    there, absent = peers.installed()
+    for line in absent:
+        print(line)
+    methods = {name: method for name, method in there.items() if _named(name, chosen.methods)}
+    cases = peers.clouds(quick=chosen.quick, large=not chosen.no_large)
+    readings = peers.run(((label, make) for label, make in cases if _named(label, chosen.only)), methods)
+    if not readings:
+        print("no case is left by these filters")
+        return 2
+    publish(peers.report(readings, absent), chosen.out)
+    return 0
+
+
+def _named(name: str, wanted: str) -> bool:
+    parts = [part.strip() for part in wanted.split(";") if part.strip()]
+    return not parts or any(part in name for part in parts)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
