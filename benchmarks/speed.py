@@ -267,6 +267,8 @@ def run(names: tuple[str, ...], repeats: int) -> list[Timing]:
         except NoDataError as absent:
             print(f"{name} | skipped: {absent}", flush=True)
             continue
+        except Exception as error:  # one part that fails shall be seen, and not take the others with it
+            timings = [Timing(name, "-", "failed", "no", peer=f"{type(error).__name__}: {error}")]
         for timing in timings:
             print(
                 f"{timing.what:64s} | {timing.target:>16s} | {timing.reached:>9s} | {timing.met:3s} | {timing.cpu:>8s}"

@@ -45,7 +45,7 @@ def sphere(n: int, seed: int = 0) -> Sampled:
 
 
 def even_sphere(n: int, seed: int = 0) -> Sampled:
-    """Return points that are more even than random ones: a spherical Fibonacci set, shaken by a fifth of the spacing."""
+    """Return points that are more even than random ones: a spherical Fibonacci set, shaken by a fifth spacing."""
     i = np.arange(n)
     z, angle = 1.0 - (2.0 * i + 1.0) / n, np.pi * (3.0 - np.sqrt(5.0)) * i
     ring = np.sqrt(1.0 - z * z)

@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache, update_wrapper
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -122,31 +123,10 @@ def rows(function: Callable[..., None]) -> Callable[..., None]:
     return call
 
 
-def parallel(function: Function) -> Function:
-    """Compile a kernel with ``prange`` loops."""
-    dispatcher = _compile_lazily(function, parallel=True)
-
-    def call(*arguments: Any) -> Any:
-        with _LOCK:
-            before = numba.get_num_threads()
-            numba.set_num_threads(max(1, min(_thread_limit(), before)))
-            try:
-                return dispatcher(*arguments)
-            finally:
-                numba.set_num_threads(before)
-
-    update_wrapper(call, function)
-    call.dispatcher = dispatcher  # type: ignore[attr-defined]
-    return call  # type: ignore[return-value]
-
-
-_LOCK = threading.RLock()
-
-
 def _parts(count: int, number: int) -> list[tuple[int, int]]:
     number = min(number, count)
     cuts = [count * part // number for part in range(number + 1)]
-    return list(zip(cuts[:-1], cuts[1:], strict=True))
+    return list(pairwise(cuts))
 
 
 @cache

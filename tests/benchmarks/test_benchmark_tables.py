@@ -7,7 +7,7 @@ import math
 import pytest
 from benchmarks.__main__ import main
 from benchmarks.clouds import random_cloud
-from benchmarks.estimates import Outcome
+from benchmarks.estimates import Outcome, judge
 from benchmarks.rows import ROWS, Case, cases
 from benchmarks.shapes import JUDGING, TUNING
 from benchmarks.tables import percent, seconds, table
@@ -62,6 +62,13 @@ def test_a_case_is_measured(normals, capsys):
     assert "| random 5k" in accuracy.report([found])
 
 
+def test_the_whole_measure_gives_volume_and_centroid():
+    found = judge("solids: random 100k", random_cloud("sphere", 4_000), mode="measure", lines=4_096)
+    assert abs(found.volume) < 0.02 and found.volume_half_width > 0.0
+    assert 0.0 < found.centroid < 0.02 and found.leak < 0.02
+    assert "| volume" in accuracy.line_of(found)
+
+
 def test_a_failure_is_told_and_does_not_stop_the_others(monkeypatch, capsys):
     def fail(*_, **__):
         raise ValueError("no area today")
@@ -102,6 +109,13 @@ def test_a_peer_that_fails_is_a_result():
     [reading] = peers.run(iter([("square", lambda: random_cloud("square", 100))]), {"broken": broken}, warm=False)
     assert math.isnan(reading.error) and reading.note == "failed: RuntimeError: no surface"
     assert "| broken |" in peers.report([reading], []) and "failed" in peers.report([reading], [])
+
+
+def test_a_part_of_the_speed_table_that_fails_is_told(monkeypatch, capsys):
+    monkeypatch.setitem(speed.PARTS, "import", lambda _: 1 / 0)
+    [timing] = speed.run(("import",), 1)
+    assert timing.reached == "failed" and "ZeroDivisionError" in timing.peer
+    assert "ZeroDivisionError" in capsys.readouterr().out
 
 
 def test_a_speed_table_compares_with_target_and_peer():

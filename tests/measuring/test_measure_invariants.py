@@ -11,8 +11,8 @@ import functools
 import numba
 import numpy as np
 import pytest
-import shapes_with_truth as truth
 
+import shapes_with_truth as truth
 import surfel
 
 RELATIVE = 1e-9

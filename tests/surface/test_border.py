@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import naive
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
+import naive
 from surfel.surface.border import border_share, is_covered, nearby_cells
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import naive
 import numpy as np
 import pytest
-import shapes_with_truth as truth
 from scipy.spatial import Delaunay
 
+import naive
+import shapes_with_truth as truth
 from surfel.surface.cells import Cells
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.patches import local_patches

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import shapes_with_truth as truth
 
+import shapes_with_truth as truth
 from surfel.surface.clean import duplicate_rows
 from surfel.surface.neighbourhoods import Neighbourhoods, cleaned
 

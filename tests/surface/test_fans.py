@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import naive
 import numpy as np
 import pytest
-import shapes_with_truth as truth
 
+import naive
+import shapes_with_truth as truth
 from surfel.surface.fans import STAR, build_fans
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.patches import local_patches

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import naive
 import numpy as np
 import pytest
-import shapes_with_truth as truth
 
+import naive
+import shapes_with_truth as truth
 from surfel.surface.orient import orient
 
 

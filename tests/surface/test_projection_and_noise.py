@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import naive
 import numpy as np
 import pytest
-import shapes_with_truth as truth
 
+import naive
+import shapes_with_truth as truth
 from surfel.index.neighbours import PointIndex
 from surfel.surface.denoise import denoise, fit_width
 from surfel.surface.neighbourhoods import Neighbourhoods

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import reduce
 from statistics import NormalDist
 from typing import Any
 
@@ -110,7 +109,10 @@ class Estimate:
 
 def combine_errors(*errors: Floats | float) -> Any:
     """Return the root of the sum of squares of independent errors, by component."""
-    return reduce(np.hypot, errors, 0.0)  # squares of single errors may over- or underflow
+    total: Any = 0.0
+    for error in errors:
+        total = np.hypot(total, error)  # squares of single errors may over- or underflow
+    return total
 
 
 def _quantile(level: float, freedom: float) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from surfel._numba import threads_for
 from surfel.core.cast import Floats, as_points
 from surfel.core.errors import InputError
+from surfel.core.triangles import as_triangles
 from surfel.index import bvh_trace
 from surfel.index.bvh_build import build_tree
 from surfel.index.morton import order_lines
@@ -241,21 +242,6 @@ class TriangleBvh:
     ) -> None:
         with threads_for(len(start)):
             bvh_trace.place_hits(len(start), self._tree, start, along, counts, offsets, places, *store, *hits)
-
-
-def as_triangles(value: ArrayLike, vertices: int) -> NDArray[np.int32]:
-    """Return ``value`` as int32 rows of three, all of them rows of ``vertices`` vertices."""
-    array = np.asarray(value)
-    if array.size == 0:
-        return np.empty((0, 3), np.int32)
-    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
-        raise InputError(f"triangles must be integers of shape (f, 3); got {array.dtype} of shape {array.shape}")
-    low, high = int(array.min()), int(array.max())
-    if low < 0 or high >= vertices:
-        raise InputError(f"triangles must name vertices from 0 to {vertices - 1}; got {low} to {high}")
-    if max(vertices, len(array)) >= 2**31:
-        raise InputError(f"vertices and triangles must be fewer than 2**31; got {vertices} and {len(array)}")
-    return np.ascontiguousarray(array, dtype=np.int32)
 
 
 def _as_lines(origins: ArrayLike, directions: ArrayLike) -> tuple[Floats, Floats]:

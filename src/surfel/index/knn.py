@@ -48,7 +48,7 @@ def search_nearest(
 def _search_chunks(first, last, points, nodes, levels, places, order, own, squares, neighbours):
     m, k = squares.shape
     need = k + 1 if own else k  # a point finds itself, too
-    room = 32 + need // 2  # blocks of candidates: more mean that the radius is far too large
+    room = 96 + need  # blocks of candidates: more mean that the radius is far too large
     slots = (room + WIDTH) * BLOCK + RUN
     stack, bounds = np.empty(STACK, np.int64), np.empty(STACK)
     found, spare = np.empty(room + WIDTH, np.int32), np.empty(room + WIDTH, np.int32)

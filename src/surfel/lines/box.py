@@ -16,10 +16,9 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import ArrayLike
 
-from surfel._numba import parallel, threads_for
+from surfel._numba import rows, threads_for
 from surfel._vec import dot
 from surfel.core.cast import Floats, Integers, as_points
 from surfel.core.errors import InputError
@@ -200,7 +199,7 @@ def _extremes(cloud: Floats, middle: Floats, unit: float, directions: Floats) ->
     index = np.empty((chunks, 2 * len(directions)), np.int64)
     reach = np.empty((chunks, 2 * len(directions)))
     with threads_for(len(cloud)):
-        _extremes_by_chunk(cloud, middle, 1.0 / unit, directions, index, reach)
+        _extremes_by_chunk(chunks, cloud, middle, 1.0 / unit, directions, index, reach)
     chunk, column = reach.argmax(axis=0), np.arange(reach.shape[1])
     return reach[chunk, column], index[chunk, column]
 
@@ -216,10 +215,10 @@ def _ordered(box: OrientedBox) -> OrientedBox:
     return OrientedBox(box.centre, axes, box.half[order])
 
 
-@parallel
-def _extremes_by_chunk(cloud, middle, scale, directions, index, reach):
+@rows
+def _extremes_by_chunk(begin, end, cloud, middle, scale, directions, index, reach):
     """Write, for each chunk and direction, the last point along it and its place, then the first and minus its."""
-    for chunk in prange(len(index)):
+    for chunk in range(begin, end):
         reach[chunk, :] = -np.inf
         for i in range(chunk * _CHUNK, min((chunk + 1) * _CHUNK, len(cloud))):
             x = (cloud[i, 0] - middle[0]) * scale

@@ -14,10 +14,9 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import ArrayLike
 
-from surfel._numba import parallel, threads_for
+from surfel._numba import rows, threads_for
 from surfel.core.cast import Floats, as_points
 from surfel.core.errors import InputError
 from surfel.lines.box import OrientedBox, oriented_box
@@ -147,15 +146,15 @@ def _farthest(cloud: Floats, middle: Floats, unit: float, centre: Floats) -> tup
     chunks = -(-len(cloud) // _CHUNK)
     index, square = np.empty(chunks, np.int64), np.empty(chunks)
     with threads_for(len(cloud)):
-        _farthest_by_chunk(cloud, middle, 1.0 / unit, centre, index, square)
+        _farthest_by_chunk(chunks, cloud, middle, 1.0 / unit, centre, index, square)
     chunk = int(square.argmax())
     return int(index[chunk]), math.sqrt(square[chunk])
 
 
-@parallel
-def _farthest_by_chunk(cloud, middle, scale, centre, index, square):
+@rows
+def _farthest_by_chunk(begin, end, cloud, middle, scale, centre, index, square):
     """Write, for each chunk, its farthest point and that point's squared distance."""
-    for chunk in prange(len(index)):
+    for chunk in range(begin, end):
         farthest, most = chunk * _CHUNK, -1.0
         for i in range(chunk * _CHUNK, min((chunk + 1) * _CHUNK, len(cloud))):
             x = (cloud[i, 0] - middle[0]) * scale - centre[0]

@@ -4,41 +4,39 @@ from __future__ import annotations
 
 import math
 
-from numba import prange
-
-from surfel._numba import inlined, parallel
+from surfel._numba import inlined, rows
 from surfel._vec import dot, norm, tangent_frame
 from surfel.lines.circle import circle
 
 
-@parallel
-def fill_tangents(points, centre, radius, origins, directions):
+@rows
+def fill_tangents(first, last, points, centre, radius, origins, directions):
     """Write a tangent of a concentric sphere for each point."""
-    for i in prange(len(points)):
+    for i in range(first, last):
         foot, along = _tangent(points[i, 0], points[i, 1], points[i, 2], points[i, 3])
         _write(i, foot, along, centre, radius, origins, directions)
 
 
-@parallel
-def fill_chords(points, centre, radius, origins, directions):
+@rows
+def fill_chords(first, last, points, centre, radius, origins, directions):
     """Write a chord of the sphere for each point."""
-    for i in prange(len(points)):
+    for i in range(first, last):
         foot, along = _chord(points[i, 0], points[i, 1], points[i, 2], points[i, 3])
         _write(i, foot, along, centre, radius, origins, directions)
 
 
-@parallel
-def fill_offsets(points, centre, radius, origins, directions):
+@rows
+def fill_offsets(first, last, points, centre, radius, origins, directions):
     """Write a line of uniform direction and offset for each point."""
-    for i in prange(len(points)):
+    for i in range(first, last):
         foot, along = _offset(points[i, 0], points[i, 1], points[i, 2], points[i, 3])
         _write(i, foot, along, centre, radius, origins, directions)
 
 
-@parallel
-def fill_box(points, centre, axes, half, origins, directions):
+@rows
+def fill_box(first, last, points, centre, axes, half, origins, directions):
     """Write a line through a box for each point."""
-    for i in prange(len(points)):
+    for i in range(first, last):
         foot, along = _entry(points[i, 0], points[i, 1], points[i, 2], points[i, 3], half[0], half[1], half[2])
         for k in range(3):
             origins[i, k] = centre[k] + dot(foot[0], foot[1], foot[2], axes[0, k], axes[1, k], axes[2, k])

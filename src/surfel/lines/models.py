@@ -187,7 +187,7 @@ def _ball_lines(points: Floats, ball: Ball, model: str, total: int) -> Lines:
     centre = np.ascontiguousarray(ball.centre, dtype=np.float64)
     fill = {"chord": fill_chords, "tangent": fill_tangents, "offset": fill_offsets}[model]
     with threads_for(len(points)):
-        fill(points, centre, float(ball.radius), lines.origins, lines.directions)
+        fill(len(points), points, centre, float(ball.radius), lines.origins, lines.directions)
     return lines
 
 
@@ -197,7 +197,7 @@ def _box_lines(points: Floats, box: OrientedBox, total: int) -> Lines:
         raise InputError(f"the box has no surface (half sides {box.half.tolist()}): no line can be drawn through it")
     lines = _empty(len(points), surface, total)
     with threads_for(len(points)):
-        fill_box(points, box.centre, box.axes, box.half, lines.origins, lines.directions)
+        fill_box(len(points), points, box.centre, box.axes, box.half, lines.origins, lines.directions)
     return lines
 
 

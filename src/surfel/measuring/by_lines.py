@@ -193,7 +193,7 @@ def _over_shifts(values: Floats) -> Estimate:
 
 
 def _mean(parts: list[Moments]) -> Moments:
-    return Moments(*(np.mean([part[i] for part in parts], axis=0) for i in range(len(parts[0]))))
+    return Moments(*(np.mean(np.array([part[i] for part in parts]), axis=0) for i in range(len(parts[0]))))
 
 
 def _narrow(estimate: Estimate, tolerance: float) -> bool:

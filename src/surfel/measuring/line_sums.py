@@ -16,7 +16,10 @@ COLUMNS = 13
 
 
 class Moments(NamedTuple):
-    """Estimates from one shift of the lines: area, volume, first moments (3,), second moments (6,), and the shares of lines that hit and that are odd."""
+    """Estimates from one set of lines.
+
+    Area, volume, first moments (3,), second moments (6,), and the shares of lines that hit and, of those, that are odd.
+    """
 
     area: float
     volume: float
@@ -87,33 +90,33 @@ def inertia_tensor(volume: float, first: Floats, second: Floats) -> tuple[Floats
 
 @rows
 def _integrate(first, last, origins, directions, origin, hit_offsets, weight, offsets, t, values):
-    for l in range(first, last):
+    for line in range(first, last):
         total = 0.0
-        for k in range(hit_offsets[l], hit_offsets[l + 1]):
+        for k in range(hit_offsets[line], hit_offsets[line + 1]):
             total += weight[k]
-        values[l, 0] = total
-        count = offsets[l + 1] - offsets[l]
+        values[line, 0] = total
+        count = offsets[line + 1] - offsets[line]
         if count == 0:
             continue
-        values[l, 1] = 1.0
+        values[line, 1] = 1.0
         if count % 2 == 1:
-            values[l, 2] = 1.0
+            values[line, 2] = 1.0
             continue
-        ox, oy, oz = origins[l, 0] - origin[0], origins[l, 1] - origin[1], origins[l, 2] - origin[2]
-        dx, dy, dz = directions[l, 0], directions[l, 1], directions[l, 2]
-        for k in range(offsets[l], offsets[l + 1], 2):
+        ox, oy, oz = origins[line, 0] - origin[0], origins[line, 1] - origin[1], origins[line, 2] - origin[2]
+        dx, dy, dz = directions[line, 0], directions[line, 1], directions[line, 2]
+        for k in range(offsets[line], offsets[line + 1], 2):
             a, b = t[k], t[k + 1]
             one, two, three = b - a, 0.5 * (b * b - a * a), (b * b * b - a * a * a) / 3.0
-            values[l, 3] += one
-            values[l, 4] += ox * one + dx * two
-            values[l, 5] += oy * one + dy * two
-            values[l, 6] += oz * one + dz * two
-            values[l, 7] += ox * ox * one + 2.0 * ox * dx * two + dx * dx * three
-            values[l, 8] += ox * oy * one + (ox * dy + oy * dx) * two + dx * dy * three
-            values[l, 9] += ox * oz * one + (ox * dz + oz * dx) * two + dx * dz * three
-            values[l, 10] += oy * oy * one + 2.0 * oy * dy * two + dy * dy * three
-            values[l, 11] += oy * oz * one + (oy * dz + oz * dy) * two + dy * dz * three
-            values[l, 12] += oz * oz * one + 2.0 * oz * dz * two + dz * dz * three
+            values[line, 3] += one
+            values[line, 4] += ox * one + dx * two
+            values[line, 5] += oy * one + dy * two
+            values[line, 6] += oz * one + dz * two
+            values[line, 7] += ox * ox * one + 2.0 * ox * dx * two + dx * dx * three
+            values[line, 8] += ox * oy * one + (ox * dy + oy * dx) * two + dx * dy * three
+            values[line, 9] += ox * oz * one + (ox * dz + oz * dx) * two + dx * dz * three
+            values[line, 10] += oy * oy * one + 2.0 * oy * dy * two + dy * dy * three
+            values[line, 11] += oy * oz * one + (oy * dz + oz * dy) * two + dy * dz * three
+            values[line, 12] += oz * oz * one + 2.0 * oz * dz * two + dz * dz * three
 
 
 def shift_sums(values: Floats, shifts: int) -> Floats:

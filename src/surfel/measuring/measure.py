@@ -15,8 +15,8 @@ from surfel.core.cast import Floats, as_choice, as_count, as_positive
 from surfel.core.errors import InputError
 from surfel.core.estimate import Estimate, combine_errors
 from surfel.core.execute import Progress
-from surfel.lines.bundles import Bundles
 from surfel.lines.box import OrientedBox, oriented_box
+from surfel.lines.bundles import Bundles
 from surfel.lines.enclosing import Ball, smallest_ball
 from surfel.lines.models import MODELS
 from surfel.measuring.by_lines import SHIFTS, LineResult, ShiftedLines, measure_by_lines

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel.core.cast import Floats
-from surfel.core.crossings import Crossings
 from surfel.core.errors import InputError
 from surfel.core.lines import Lines
 from surfel.core.patches import Patches
@@ -74,7 +73,7 @@ class CloudSurface:
 
     @property
     def local(self) -> LocalPatches | None:
-        """The patches in centred and scaled coordinates, in the order of their index; None for less than four points."""
+        """The patches, centred and scaled, in the order of their index; None for less than four points."""
         hood = self._cleaned[0]
         if hood is None:
             return None

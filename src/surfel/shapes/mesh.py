@@ -15,6 +15,7 @@ from surfel.core.crossings import Crossings
 from surfel.core.errors import InputError
 from surfel.core.lines import Lines
 from surfel.core.patches import Patches
+from surfel.core.triangles import as_triangles
 from surfel.shapes.base import Shape, as_affine
 
 if TYPE_CHECKING:
@@ -55,8 +56,6 @@ class Mesh(Shape):
     """
 
     def __init__(self, vertices: ArrayLike, triangles: ArrayLike, colors: ArrayLike | None = None) -> None:
-        from surfel.index.bvh import as_triangles
-
         points = as_points(vertices, "vertices")
         self._vertices = read_only(points.copy() if points is vertices or points.base is not None else points)
         self._triangles = read_only(as_triangles(triangles, len(points)).copy())
@@ -142,7 +141,6 @@ class Mesh(Shape):
         points, normals : Floats, shape (n, 3)
             In the order of the vertices; the normals as in :attr:`vertex_normals`.
         """
-        rows = np.flatnonzero(self._used & (self._merged == np.arange(len(self._vertices))))
         used = np.zeros(len(self._vertices), bool)
         used[self._merged[self._used]] = True
         rows = np.flatnonzero(used)

@@ -1,4 +1,4 @@
-"""Sheets: the hits of a line on a cloud's overlapping fans, merged to one event for each passage through the surface."""
+"""Sheets: hits of a line on a cloud's overlapping fans, merged to one event for each passage through the surface."""
 
 from __future__ import annotations
 
@@ -97,9 +97,9 @@ def _bend(first, last, directions, line, flat_t, triangle, bary, vertices, norma
     on a sphere and on a cylinder to the second order.
     """
     for k in range(first, last):
-        f, l = triangle[k], line[k]
+        f, which = triangle[k], line[k]
         a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]
-        dx, dy, dz = directions[l, 0], directions[l, 1], directions[l, 2]
+        dx, dy, dz = directions[which, 0], directions[which, 1], directions[which, 2]
         ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
         vx, vy, vz = vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1], vertices[c, 2] - vertices[a, 2]
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -145,14 +145,14 @@ def _bend(first, last, directions, line, flat_t, triangle, bary, vertices, norma
 @rows
 def _merge_all(first, last, offsets, t, cosine, weight, share, gap, counts, out_t, out_cosine, out_weight):
     """Walk along each line; gather hits that may be one sheet; give as many events as their shares add up to."""
-    for l in range(first, last):
-        at = offsets[l]
-        i = offsets[l]
-        while i < offsets[l + 1]:
+    for line in range(first, last):
+        at = offsets[line]
+        i = offsets[line]
+        while i < offsets[line + 1]:
             j = i + 1
             total = share[i]
             while (
-                j < offsets[l + 1]
+                j < offsets[line + 1]
                 and t[j] - t[j - 1] <= min(gap[j], gap[j - 1])
                 and not (share[j] > 0.99 and share[j - 1] > 0.99)
             ):
@@ -177,4 +177,4 @@ def _merge_all(first, last, offsets, t, cosine, weight, share, gap, counts, out_
                         out_t[at], out_cosine[at], out_weight[at] = place / mass, slope / mass, area
                         at += 1
             i = j
-        counts[l] = at - offsets[l]
+        counts[line] = at - offsets[line]

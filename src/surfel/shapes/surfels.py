@@ -73,19 +73,18 @@ class Surfels(Shape):
     ) -> None:
         place = as_points(points, finite=False)
         rows = len(place)
-        keep = np.isfinite(place).all(axis=1)
-        everything = bool(keep.all())
+        everything = bool(np.isfinite(place).all())
+        keep = slice(None) if everything else np.isfinite(place).all(axis=1)
 
         def kept(array: NDArray[Any]) -> NDArray[Any]:
-            chosen = array.copy() if everything else array[keep]
-            return read_only(np.ascontiguousarray(chosen))
+            return read_only(np.array(array[keep], order="C"))
 
         self._points = kept(place)
         self._normals = None if normals is None else kept(_unit(as_rows(normals, "normals", rows)))
         self._radii = None if radii is None else kept(_radii(radii, rows))
         self._colors = None if colors is None else kept(_of_rows(colors, "colors", rows))
         if self._colors is not None and (self._colors.ndim != 2 or self._colors.shape[1] not in (3, 4)):
-            raise InputError(f"colors must have shape ({rows}, 3) or ({rows}, 4); got {np.shape(colors)}")
+            raise InputError(f"colors must have shape ({rows}, 3) or ({rows}, 4); got {np.shape(np.asarray(colors))}")
         self._attributes = MappingProxyType(
             {
                 str(name): kept(_of_rows(value, f"attribute {name!r}", rows))
@@ -264,11 +263,22 @@ class Surfels(Shape):
 
 def _unit(normals: Floats) -> Floats:
     """Scale to unit length; zero where the length is zero or not finite."""
+    x, y, z = (np.ascontiguousarray(column) for column in normals.T)
+    square = x * x + y * y + z * z
+    if not (np.isfinite(square).all() and square.min(initial=1.0) > 1e-200):
+        return _unit_with_care(normals)
+    factor = 1.0 / np.sqrt(square)
+    return np.stack([x * factor, y * factor, z * factor], axis=1)
+
+
+def _unit_with_care(normals: Floats) -> Floats:
+    """Do the same where squares overflow or vanish, or normals are missing."""
     largest = np.abs(normals).max(axis=1, keepdims=True, initial=0.0)
     known = np.isfinite(largest) & (largest > 0.0)
     scaled = np.divide(normals, largest, out=np.zeros_like(normals), where=known)
     length = np.sqrt(np.einsum("ij,ij->i", scaled, scaled))[:, None]
-    return np.divide(scaled, length, out=np.zeros_like(scaled), where=length > 0.0)
+    unit: Floats = np.divide(scaled, length, out=np.zeros_like(scaled), where=length > 0.0)
+    return unit
 
 
 def _radii(value: ArrayLike, rows: int) -> Floats:

@@ -34,7 +34,7 @@ def border_share(regularity: float) -> float:
 def nearby_cells(
     chosen: NDArray[np.int32], neighbours: NDArray[np.int32], area: Floats, closed: NDArray[np.uint8], spacing: Floats
 ) -> Floats:
-    """Return the mean area of the nearest closed cells round each chosen point, shape (m,); half a square spacing if none."""
+    """Return the mean area of the nearest closed cells round each chosen point; half a square spacing if none."""
     out = np.empty(len(chosen))
     with threads_for(len(chosen)):
         _nearby(len(chosen), chosen, neighbours, area, closed, spacing, out)

@@ -275,7 +275,7 @@ def _clip_all(
                 q = 0.5 * (uu * uu + vv * vv)
                 if 2.0 * q > 4.0 * reach2:
                     continue
-                count = _cut(px, py, edge, corners, qx, qy, other, uu, vv, q, accepted - 1)
+                count = _cut(px, py, edge, np.int64(corners), qx, qy, other, uu, vv, q, accepted - 1)
                 if count >= 3:
                     corners = count
                     reach2 = 0.0
@@ -293,20 +293,23 @@ def _clip_all(
             is_closed = reach2 <= cap2
             total = 0.0
             sum_rough = sum_t = sum_t2 = 0.0
-            sides = tilts = bits = 0
+            sides = held = tilts = bits = 0
             for c in range(corners):
                 first = edge[c]
                 if first < 0:
                     is_closed = False
                     continue
-                sum_rough += roughness[first]
                 sides += 1
-                if tilt[first] > -5.0:
-                    sum_t += tilt[first]
-                    sum_t2 += tilt[first] * tilt[first]
-                    tilts += 1
                 d = c + 1 if c + 1 < corners else 0
                 second = edge[d]
+                if min(px[c] * px[c] + py[c] * py[c], px[d] * px[d] + py[d] * py[d]) <= cap2:
+                    # sides farther off depend on how the square that was clipped happens to be turned
+                    sum_rough += roughness[first]
+                    held += 1
+                    if tilt[first] > -5.0:
+                        sum_t += tilt[first]
+                        sum_t2 += tilt[first] * tilt[first]
+                        tilts += 1
                 inside = False
                 if second >= 0 and px[d] * px[d] + py[d] * py[d] <= cap2:
                     turn = u[first] * v[second] - v[first] * u[second]
@@ -324,7 +327,7 @@ def _clip_all(
             joined[i] = bits
             area[i] = total
             closed[i] = 1 if is_closed else 0
-            mean_rough = sum_rough / max(sides, 1)
+            mean_rough = sum_rough / max(held, 1)
             rough[i] = mean_rough
             curved[i] = 0.0
             if tilts >= 4:
@@ -332,7 +335,7 @@ def _clip_all(
                 curved[i] = 0.215 * min(max(0.0, sum_t2 / tilts - mean * mean - 2.0 * mean_rough), 0.1)
             uncovered[i] = 0
             if not is_closed and (final or secure[i] == 1):
-                uncovered[i] = _uncovered(u, v, accepted, h, cap2)
+                uncovered[i] = _uncovered(u, v, np.int64(accepted), h, cap2)
 
 
 @kernel

@@ -24,7 +24,8 @@ class Fans(NamedTuple):
     """Triangles that overlap where the points disagree.
 
     ``vertices`` (v, 3); ``triangles`` (f, 3), rows of vertices; ``weights`` (f,): what a hit counts for the area;
-    ``votes`` (f,): corners that agree on the triangle, 0 where it only carries the share of a lone point; ``owner`` (v,): the point of each vertex.
+    ``votes`` (f,): corners that agree on the triangle, 0 where it only carries the share of a lone point;
+    ``owner`` (v,): the point of each vertex.
     """
 
     vertices: Floats
@@ -92,7 +93,7 @@ def _votes_for(star, joined, i, j, k):
         first = star[i, c]
         if first < 0:
             return False
-        if (first == j or first == k) and (joined[i] >> c) & 1:
+        if (first == j or first == k) and (joined[i] >> c) & 1:  # noqa: SIM109
             second = _next(star, i, c)
             if (first == j and second == k) or (first == k and second == j):
                 return True

@@ -66,7 +66,8 @@ def noise_level(index: NeighbourSource) -> float:
 
     Quadrics are fitted to small and to three times larger neighbourhoods; the residual of white noise is the same in
     both, that of curvature grows with the third power of the radius, so that with residuals s and S in local spacings
-    ``sigma^2 = (3^1.5 s^2 - S^2) / (3^1.5 - 1)``. Where the residual is large against the radius the neighbourhoods grow.
+    ``sigma^2 = (3^1.5 s^2 - S^2) / (3^1.5 - 1)``. Where the residual is large against the radius the
+    neighbourhoods grow.
 
     Noise is everywhere, relief is not: the level is taken from several quantiles of the residuals, each scaled by what
     it is for white noise, and the second smallest counts. A level far above what the flattest tenth of the cloud
@@ -111,7 +112,7 @@ def _white_part(small: Floats, large: Floats) -> float:
 @rows
 def _quadric_residuals(first, last, points, chosen, neighbours, small, residual):
     """Write the residuals of quadrics over ``small`` and all neighbours, and of a plane over 6, in local spacings."""
-    m, k = neighbours.shape
+    k = neighbours.shape[1]
     f, matrix, right = np.empty(6), np.empty((6, 6)), np.empty(6)
     for row in range(first, last):
         i = chosen[row]
@@ -120,7 +121,7 @@ def _quadric_residuals(first, last, points, chosen, neighbours, small, residual)
         h = math.sqrt((dx * dx + dy * dy + dz * dz) * math.pi / small) + 1e-300
         residual[row, 0] = _quadric_residual(points, i, neighbours, row, small, f, matrix, right) / h
         residual[row, 1] = _quadric_residual(points, i, neighbours, row, k, f, matrix, right) / h
-        off = plane_of_neighbours(points, i, neighbours, row, 6)[3]
+        off = plane_of_neighbours(points, i, neighbours, row, np.int64(6))[3]
         last = neighbours[row, 5]
         dx, dy, dz = points[last, 0] - points[i, 0], points[last, 1] - points[i, 1], points[last, 2] - points[i, 2]
         h = math.sqrt((dx * dx + dy * dy + dz * dz) * math.pi / 6) + 1e-300
@@ -153,7 +154,7 @@ def _quadric_residual(points, i, neighbours, row, k, f, matrix, right):
     for p in range(6):
         matrix[p, p] += 1e-9
     load = right.copy()
-    solve_spd(matrix, right, 6)
+    solve_spd(matrix, right)
     for p in range(6):
         square -= right[p] * load[p]
     return math.sqrt(max(square, 0.0) / (k - 5))

@@ -18,7 +18,10 @@ UNSURE = 0.02
 
 
 class Orientation(NamedTuple):
-    """Oriented normals (n, 3), the ``piece`` that each point belongs to (n,), and ``conflict``: the share of neighbour pairs whose signs contradict each other."""
+    """Oriented normals (n, 3), the ``piece`` that each point belongs to (n,), and how sure the signs are.
+
+    ``conflict`` is the share of neighbour pairs whose signs contradict each other.
+    """
 
     normals: Floats
     piece: NDArray[np.int32]
@@ -73,7 +76,7 @@ def orient(points: Floats, normals: Floats, neighbours: NDArray[np.int32]) -> Or
 
 @kernel
 def _compare(points, normals, first, second, cosine, apart):
-    """Write the cosine between the normals of each pair, seen past the step between the points, and how far apart the planes are."""
+    """Write the cosine between the normals of each pair, past the step between them, and how far apart they are."""
     for e in range(len(first)):
         i, j = first[e], second[e]
         dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]

@@ -129,7 +129,7 @@ def _completed(hood: Neighbourhoods, normals: Floats | None) -> Floats:
     """Return the given normals with the unknown ones fitted; all of them fitted where none are given."""
     if normals is None:
         return fitted_normals(hood.points, hood.near, hood.spacing)
-    unknown = ~normals.any(axis=1)
+    unknown: NDArray[np.bool_] = ~np.any(normals, axis=1)
     upright = _upright(normals)
     if not unknown.any():
         return upright
@@ -137,7 +137,7 @@ def _completed(hood: Neighbourhoods, normals: Floats | None) -> Floats:
 
 
 def _upright(normals: Floats) -> Floats:
-    """Give every normal the sign of its last component that is not zero: a flipped one changes no bit of what follows."""
+    """Give every normal the sign of its last component that is not zero: flips change no bit then."""
     x, y, z = normals.T
     down = (z < 0.0) | ((z == 0.0) & ((y < 0.0) | ((y == 0.0) & (x < 0.0))))
     return np.ascontiguousarray(normals * np.where(down, -1.0, 1.0)[:, None])

@@ -83,8 +83,9 @@ def plane_of_neighbours(points, i, neighbours, row, k):
 
 
 @kernel
-def solve_spd(matrix, right, size):
+def solve_spd(matrix, right):
     """Solve a symmetric positive definite system in place by Cholesky; the solution replaces ``right``."""
+    size = len(right)
     for i in range(size):
         for j in range(i + 1):
             s = matrix[i, j]

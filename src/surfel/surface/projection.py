@@ -13,6 +13,7 @@ from surfel.core.cast import Floats
 from surfel.surface.planes import solve_spd
 
 _CHUNK = 64
+_LEAST = 6  # with fewer neighbours alike the quadric would follow their noise: the point stays where it is
 
 
 def project(
@@ -67,7 +68,7 @@ def _project(begin, end, points, normals, chosen, neighbours, alike, moved, turn
             inverse = 1.0 / width if width > 0.0 else 0.0
             matrix[:, :] = 0.0
             right[:] = 0.0
-            weights = 1.0
+            weights, count = 1.0, 0
             f[0], f[1], f[2], f[3], f[4], f[5] = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
             matrix[0, 0] = 1.0  # the point itself, at height 0
             for a in range(k):
@@ -80,15 +81,20 @@ def _project(begin, end, points, normals, chosen, neighbours, alike, moved, turn
                 w = x * nx + y * ny + z * nz
                 g = math.exp(-0.5 * (u * u + v * v))
                 weights += g
+                count += 1
                 f[1], f[2], f[3], f[4], f[5] = u, v, u * u, u * v, v * v
                 for p in range(6):
                     gf = g * f[p]
                     right[p] += gf * w
                     for q in range(p + 1):
                         matrix[p, q] += gf * f[q]
+            if count < _LEAST:
+                moved[row, 0], moved[row, 1], moved[row, 2] = px, py, pz
+                turned[row, 0], turned[row, 1], turned[row, 2] = nx, ny, nz
+                continue
             for p in range(6):
-                matrix[p, p] += 1e-9 * weights
-            solve_spd(matrix, right, 6)
+                matrix[p, p] += (0.5e-9 if p == 4 else 1e-9) * weights  # uv half: turning e changes nothing
+            solve_spd(matrix, right)
             moved[row, 0], moved[row, 1], moved[row, 2] = px + right[0] * nx, py + right[0] * ny, pz + right[0] * nz
             su, sv = right[1] * inverse, right[2] * inverse
             tx, ty, tz = nx - su * e[0] - sv * e[3], ny - su * e[1] - sv * e[4], nz - su * e[2] - sv * e[5]
