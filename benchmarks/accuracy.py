@@ -36,7 +36,7 @@ def measured(task: tuple[Case, str, int]) -> Outcome | str:
     try:
         cloud = case.cloud()
         if solid and cloud.shape.volume is None:
-            return f"{case.row} | {case.shape} | skipped: it is open"
+            return f"{case.row} | {case.shape} | skipped: no volume to compare with"
         return judge(case.row, cloud, mode="measure" if solid else mode, lines=lines)
     except NoDataError as absent:
         return f"{case.row} | {case.shape} | skipped: {absent}"

@@ -174,6 +174,9 @@ SHARP = ("fandisk", "112932", "cube", "cylinder", "cube-cylinder union", "cube-c
 SCANNED = ("armadillo", "horse", "dragon", "igea")
 """Scans whose vertices are what the scanner gave, more or less."""
 
+OVERLAPPING = ("cow",)
+"""Meshes that pass through themselves: counted by parity and by winding their volumes differ (the cow's by 0.04 %)."""
+
 
 class NoDataError(Exception):
     """The file of a mesh is not there."""
@@ -194,7 +197,7 @@ def known(name: str) -> KnownShape:
         return ANALYTIC[name]()
     mesh = read_mesh(name)
     source = Triangles(mesh.vertices, mesh.triangles, mesh.face_normals)
-    volume, centroid = source.solid() if mesh.closed else (None, None)
+    volume, centroid = source.solid() if mesh.closed and name not in OVERLAPPING else (None, None)
     return KnownShape(name, float(source.areas.sum()), source.draw, volume, centroid)
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import naive
 import numpy as np
 import pytest
 
+import naive
 from surfel import Crossings, Lines
 from surfel.measuring.line_sums import COLUMNS, inertia_tensor, line_values, moments_of, shift_sums
 

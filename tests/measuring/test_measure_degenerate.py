@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 import pytest
-import shapes_with_truth as truth
 
+import shapes_with_truth as truth
 import surfel
 
 KEYS = {
@@ -87,7 +87,7 @@ def test_an_empty_cloud_has_no_area_at_all():
     assert m.area.value == 0.0 and m.warnings == ("the cloud is empty",)
 
 
-@pytest.mark.parametrize("n", [4, 12, 50, 99])
+@pytest.mark.parametrize("n", [12, 50, 99])
 def test_a_handful_of_points_is_measured_but_not_trusted(n):
     m = surfel.measure(surfel.Surfels(truth.even_sphere(n, 1).points), lines=512)
     assert not m.area.reliable and f"only {n} points" in m.area.reason

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import naive
 import numpy as np
 import pytest
-import shapes_with_truth as truth
 
+import naive
+import shapes_with_truth as truth
 import surfel
 from surfel import Lines, Surfels
 from surfel.lines.enclosing import smallest_ball
@@ -123,7 +123,9 @@ def test_hits_are_merged_as_by_hand(seed):
     t, share, gap = (np.concatenate(part) for part in zip(*rows, strict=True))
     offsets = np.concatenate([[0], np.cumsum([len(row[0]) for row in rows])])
     ones = np.ones(len(t))
-    merged = CloudCrossings(offsets, t, ones, ones, np.zeros(len(t), np.int32), share, gap).merged()
+    merged = CloudCrossings(
+        offsets, t, ones, ones, np.zeros(len(t), np.int32), share, gap, np.ones((len(t), 3)) / np.sqrt(3.0)
+    ).merged()
     compared = 0
     for row, (places, shares, gaps) in enumerate(rows):
         if shares.sum() >= 1.5:
@@ -150,9 +152,34 @@ def test_hits_are_merged_as_by_hand(seed):
 def test_merging_by_example(t, share, events):
     k = len(t)
     hits = CloudCrossings(
-        np.array([0, k]), np.array(t), np.ones(k), np.ones(k), np.zeros(k, np.int32), np.array(share), np.full(k, 0.3)
+        np.array([0, k]),
+        np.array(t),
+        np.ones(k),
+        np.ones(k),
+        np.zeros(k, np.int32),
+        np.array(share),
+        np.full(k, 0.3),
+        np.tile([0.0, 0.0, 1.0], (k, 1)),
     )
     np.testing.assert_allclose(hits.merged().t, events)
+
+
+def test_hits_of_two_planes_at_an_edge_are_two_sheets():
+    normal = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    cosine, third = np.array([-0.6, 0.8, -0.6, 0.8]), np.full(4, 1.0 / 3.0)
+    t = np.array([1.0, 1.02, 1.04, 1.06])
+    hits = CloudCrossings(np.array([0, 4]), t, cosine, third, np.zeros(4, np.int32), third, np.full(4, 0.3), normal)
+    np.testing.assert_allclose(hits.merged().t, [1.02, 1.04])
+    np.testing.assert_allclose(hits.merged().cosine, [-0.6, 0.8])
+
+
+def test_the_way_in_and_the_way_out_of_a_shallow_cap_are_two_sheets():
+    normal = np.array([[0.0, 0.1, 1.0], [0.0, -0.1, 1.0]])
+    hits = CloudCrossings(
+        np.array([0, 2]), np.array([1.0, 1.1]), np.array([-0.1, 0.1]), np.ones(2), np.zeros(2, np.int32),
+        np.full(2, 2.0 / 3.0), np.full(2, 0.3), normal / np.linalg.norm(normal, axis=1, keepdims=True),
+    )  # fmt: skip
+    assert len(hits.merged().t) == 2
 
 
 @pytest.mark.parametrize("given", [False, True])

@@ -7,8 +7,8 @@ import threading
 
 import numpy as np
 import pytest
-import shapes_with_truth as truth
 
+import shapes_with_truth as truth
 import surfel
 from surfel import InputError, Surfels
 
@@ -36,7 +36,9 @@ def test_arrays_are_copied_and_read_only(full):
     mine = np.zeros((5, 3))
     cloud = Surfels(mine, normals=mine, radii=mine[:, 0], colors=mine, attributes={"a": mine})
     mine += 7.0
-    assert not cloud.points.any() and not cloud.radii.any() and not cloud.colors.any() and not cloud.attributes["a"].any()
+    assert (
+        not cloud.points.any() and not cloud.radii.any() and not cloud.colors.any() and not cloud.attributes["a"].any()
+    )
     for array in _arrays(full):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1
@@ -95,7 +97,18 @@ def test_the_boolean_of_numpy_says_solid_too():
 
 @pytest.mark.parametrize(
     "rows",
-    [slice(10, 50, 3), np.arange(200) % 2 == 0, np.array([5, 3, 3]), [1, 2], slice(0, 0), -1, 0, 199, np.int32(7), -200],
+    [
+        slice(10, 50, 3),
+        np.arange(200) % 2 == 0,
+        np.array([5, 3, 3]),
+        [1, 2],
+        slice(0, 0),
+        -1,
+        0,
+        199,
+        np.int32(7),
+        -200,
+    ],
 )
 def test_slices_take_everything_along(full, rows):
     part = full[rows]

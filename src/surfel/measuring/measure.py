@@ -105,6 +105,8 @@ def measure(
     goal = None if tolerance is None else as_positive(tolerance, "tolerance")
     as_choice(model, "model", MODELS)
     as_choice(reference, "reference", ("auto", "ball", "box"))
+    if reference == "box" and model != "tangent":
+        raise InputError(f"model {model!r} belongs to the ball; take reference='ball', or model='tangent'")
 
     def count_lines() -> LineResult:
         source = ShiftedLines.of(_body(shape, model, reference), model, sequence, number)
@@ -146,7 +148,7 @@ def _measure_cloud(
     cleaned = _cleaning_warnings(known.cleaning, known.points)
     local = surface.local
     if local is None or local.area == 0.0:
-        what = "lie at fewer than four places" if local is None else "lie on a line"
+        what = "lie at fewer than four places" if local is None else "lie on a line, or too far apart to tell a surface"
         area = Estimate.unknown(f"the {len(cloud)} points {what}: they show no surface")
         return replace(known, area=area, areas=(area,), warnings=(area.reason, *cleaned))
     counted = count_lines() if method == "lines" else None

@@ -111,7 +111,14 @@ class CloudSurface:
         if self.local is None:
             nothing = np.empty(0)
             return CloudCrossings(
-                np.zeros(len(lines) + 1, np.int64), nothing, nothing, nothing, np.empty(0, np.int32), nothing, nothing
+                np.zeros(len(lines) + 1, np.int64),
+                nothing,
+                nothing,
+                nothing,
+                np.empty(0, np.int32),
+                nothing,
+                nothing,
+                np.empty((0, 3)),
             )
         fans, tree, normals, spacing = self._once("fans", self._crossable)
         inner = Lines((lines.origins - self.origin) / self.scale, lines.directions, lines.weights)
@@ -119,7 +126,7 @@ class CloudSurface:
         found = crossings_of(inner, hits, fans.vertices, normals, spacing, fans.triangles, fans.weights, fans.votes)
         return CloudCrossings(
             found.offsets, found.t * self.scale, found.cosine, found.weight, found.leaf, found.share,
-            found.gap * self.scale,
+            found.gap * self.scale, found.normal,
         )  # fmt: skip
 
     def contains(self, points: Floats) -> NDArray[np.bool_]:

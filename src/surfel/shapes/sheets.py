@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import rows, threads_for
+from surfel._numba import kernel, rows, threads_for
 from surfel.core.cast import Floats
 from surfel.core.crossings import Crossings
 from surfel.core.lines import Lines
 from surfel.index.bvh import Hits
+
+ALIKE = 0.7
+"""Least cosine between the planes of two hits on one sheet: at an edge a line passes two sheets close together."""
 
 GAP = 0.5
 """Hits nearer than this share of the spacing, along the line's normal distance, may be one sheet."""
@@ -27,20 +30,24 @@ class CloudCrossings(Crossings):
         Share of a sheet that each hit stands for: votes over three.
     gap : Floats, shape (k,)
         How far along the line the next hit of the same sheet may lie.
+    normal : Floats, shape (k, 3)
+        Unit normal at each hit, of either sign.
     """
 
     share: Floats
     gap: Floats
+    normal: Floats
 
     def merged(self) -> Crossings:
         """Return one event a sheet: where the shares add up to a whole number of sheets, so many events."""
-        total = len(self)
+        total, longest = len(self), int(self.counts.max(initial=0))
         counts = np.zeros(total, np.int64)
         t, cosine, weight = np.empty(len(self.t)), np.empty(len(self.t)), np.empty(len(self.t))
         with threads_for(4 * total):
             _merge_all(
-                total, self.offsets, self.t, self.cosine, self.weight, self.share, self.gap, counts, t, cosine, weight
-            )
+                total, longest, self.offsets, self.t, self.cosine, self.weight, self.share, self.gap, self.normal,
+                counts, t, cosine, weight,
+            )  # fmt: skip
         offsets = np.concatenate([[0], np.cumsum(counts)])
         starts = self.offsets[:-1]
         keep = np.repeat(starts - offsets[:-1], counts) + np.arange(offsets[-1])
@@ -73,12 +80,12 @@ def crossings_of(
         The fans.
     """
     k = len(hits.t)
-    t, cosine, gap = np.empty(k), np.empty(k), np.empty(k)
+    t, cosine, gap, normal = np.empty(k), np.empty(k), np.empty(k), np.empty((k, 3))
     line = np.repeat(np.arange(len(lines)), np.diff(hits.offsets))
     with threads_for(k):
         _bend(
             k, lines.directions, line, hits.t, hits.triangle, hits.bary, vertices, normals, spacing, triangles,
-            t, cosine, gap,
+            t, cosine, gap, normal,
         )  # fmt: skip
     share = votes[hits.triangle] / 3.0
     weight = weights[hits.triangle]
@@ -86,11 +93,14 @@ def crossings_of(
     if not np.isin(falls, hits.offsets).all():  # bending has changed the order of some hits
         order = np.lexsort((t, line))
         t, cosine, weight, share, gap = t[order], cosine[order], weight[order], share[order], gap[order]
-    return CloudCrossings(hits.offsets, t, cosine, weight, np.zeros(k, np.int32), share, gap)
+        normal = normal[order]
+    return CloudCrossings(hits.offsets, t, cosine, weight, np.zeros(k, np.int32), share, gap, normal)
 
 
 @rows
-def _bend(first, last, directions, line, flat_t, triangle, bary, vertices, normals, spacing, triangles, t, cosine, gap):
+def _bend(
+    first, last, directions, line, flat_t, triangle, bary, vertices, normals, spacing, triangles, t, cosine, gap, normal
+):
     """Move each hit from the flat triangle to the surface through its corners that bends with their normals.
 
     Over corners a, b, c with weights w the height is ``sum over pairs w_i w_j (p_j - p_i) . (n_j - n_i) / 2``, exact
@@ -114,6 +124,7 @@ def _bend(first, last, directions, line, flat_t, triangle, bary, vertices, norma
             side_a, side_b, side_c = -side_a, -side_b, -side_c
         along = dx * nx + dy * ny + dz * nz
         cosine[k] = along
+        normal[k, 0], normal[k, 1], normal[k, 2] = nx, ny, nz
         h = (spacing[a] + spacing[b] + spacing[c]) / 3.0
         gap[k] = min(GAP * h / max(abs(along), 0.1), 2.0 * h)
         t[k] = flat_t[k]
@@ -142,39 +153,53 @@ def _bend(first, last, directions, line, flat_t, triangle, bary, vertices, norma
             t[k] += max(-h, min(h, height / along))
 
 
+@kernel
+def _one_sheet(a, b, cosine, normal):
+    """Tell whether hits a and b of a line may lie on one sheet: their planes are alike, and passed the same way."""
+    c = normal[a, 0] * normal[b, 0] + normal[a, 1] * normal[b, 1] + normal[a, 2] * normal[b, 2]
+    return abs(c) > ALIKE and c * cosine[a] * cosine[b] > 0.0
+
+
 @rows
-def _merge_all(first, last, offsets, t, cosine, weight, share, gap, counts, out_t, out_cosine, out_weight):
+def _merge_all(
+    first, last, longest, offsets, t, cosine, weight, share, gap, normal, counts, out_t, out_cosine, out_weight
+):
     """Walk along each line; gather hits that may be one sheet; give as many events as their shares add up to."""
+    taken = np.zeros(longest, np.bool_)
     for line in range(first, last):
-        at = offsets[line]
-        i = offsets[line]
-        while i < offsets[line + 1]:
-            j = i + 1
-            total = share[i]
-            while (
-                j < offsets[line + 1]
-                and t[j] - t[j - 1] <= min(gap[j], gap[j - 1])
-                and not (share[j] > 0.99 and share[j - 1] > 0.99)
-            ):
+        begin, end = offsets[line], offsets[line + 1]
+        taken[: end - begin] = False
+        at = begin
+        for i in range(begin, end):
+            if taken[i - begin]:
+                continue
+            # the hits of one sheet, each within the gap of the one before; a whole one takes no other
+            total, mass, place, slope, area = share[i], share[i], share[i] * t[i], share[i] * cosine[i], weight[i]
+            back = i
+            for j in range(i + 1, end):
+                if total > 0.99 and share[j] > 0.99 or t[j] - t[back] > min(gap[j], gap[back]):
+                    break
+                if taken[j - begin] or not _one_sheet(back, j, cosine, normal):
+                    continue
+                taken[j - begin] = True
                 total += share[j]
-                j += 1
-            sheets = int(np.floor(total + 0.5))
-            if sheets > 0:
-                # event e takes the hits whose middle lies in its unit of the shares, and their mean place
-                passed = 0.0
-                q = i
-                for e in range(sheets):
-                    bound = total * (e + 1) / sheets
-                    mass = place = slope = area = 0.0
-                    while q < j and (e == sheets - 1 or mass == 0.0 or passed + 0.5 * share[q] <= bound):
-                        mass += share[q]
-                        place += share[q] * t[q]
-                        slope += share[q] * cosine[q]
-                        area += weight[q]
-                        passed += share[q]
-                        q += 1
-                    if mass > 0.0:
-                        out_t[at], out_cosine[at], out_weight[at] = place / mass, slope / mass, area
-                        at += 1
-            i = j
-        counts[line] = at - offsets[line]
+                if total > 1.5:  # the next of several sheets that lie close together
+                    out_t[at], out_cosine[at], out_weight[at] = place / mass, slope / mass, area
+                    at += 1
+                    total, mass, place, slope, area = total - 1.0, 0.0, 0.0, 0.0, 0.0
+                mass += share[j]
+                place += share[j] * t[j]
+                slope += share[j] * cosine[j]
+                area += weight[j]
+                back = j
+            if total >= 0.5:
+                out_t[at], out_cosine[at], out_weight[at] = place / mass, slope / mass, area
+                at += 1
+        counts[line] = at - begin
+        for i in range(begin + 1, at):  # sheets that overlap along the line may have come out of order
+            j = i
+            while j > begin and out_t[j] < out_t[j - 1]:
+                out_t[j], out_t[j - 1] = out_t[j - 1], out_t[j]
+                out_cosine[j], out_cosine[j - 1] = out_cosine[j - 1], out_cosine[j]
+                out_weight[j], out_weight[j - 1] = out_weight[j - 1], out_weight[j]
+                j -= 1

@@ -61,6 +61,8 @@ class Surfels(Shape):
     (2000, True)
     """
 
+    __array_ufunc__ = None  # the operators of numpy's arrays leave clouds alone
+
     def __init__(
         self,
         points: ArrayLike,
@@ -262,23 +264,27 @@ class Surfels(Shape):
 
 
 def _unit(normals: Floats) -> Floats:
-    """Scale to unit length; zero where the length is zero or not finite."""
+    """Scale to unit length, not by a bit where it is one already; zero where the length is zero or not finite."""
     x, y, z = (np.ascontiguousarray(column) for column in normals.T)
-    square = x * x + y * y + z * z
+    with np.errstate(over="ignore", invalid="ignore"):
+        square = x * x + y * y + z * z
     if not (np.isfinite(square).all() and square.min(initial=1.0) > 1e-200):
-        return _unit_with_care(normals)
-    factor = 1.0 / np.sqrt(square)
+        return _unit_with_care(normals, np.abs(square - 1.0) <= _UNIT)
+    factor = np.where(np.abs(square - 1.0) <= _UNIT, 1.0, 1.0 / np.sqrt(square))
     return np.stack([x * factor, y * factor, z * factor], axis=1)
 
 
-def _unit_with_care(normals: Floats) -> Floats:
+_UNIT = 1e-15  # how far rounding may take the square of a length from 1
+
+
+def _unit_with_care(normals: Floats, done: NDArray[np.bool_]) -> Floats:
     """Do the same where squares overflow or vanish, or normals are missing."""
     largest = np.abs(normals).max(axis=1, keepdims=True, initial=0.0)
     known = np.isfinite(largest) & (largest > 0.0)
     scaled = np.divide(normals, largest, out=np.zeros_like(normals), where=known)
     length = np.sqrt(np.einsum("ij,ij->i", scaled, scaled))[:, None]
-    unit: Floats = np.divide(scaled, length, out=np.zeros_like(scaled), where=length > 0.0)
-    return unit
+    unit = np.divide(scaled, length, out=np.zeros_like(scaled), where=length > 0.0)
+    return np.asarray(np.where(done[:, None], normals, unit))
 
 
 def _radii(value: ArrayLike, rows: int) -> Floats:

@@ -18,6 +18,7 @@ from surfel._numba import kernel, rows, threads_for
 from surfel._vec import tangent_frame
 from surfel.core.cast import Floats
 from surfel.surface.border import is_covered
+from surfel.surface.unfold import over_edge
 
 REACH_RANDOM, REACH_REGULAR = 2.5, 2.1
 """Largest circumradius, in spacings, of a triangle that still belongs to the surface, where points lie at random and
@@ -26,8 +27,11 @@ where they lie in good order: a gap that is common among random points is a hole
 SHIFT_NEAR, SHIFT_FAR = 0.02, 0.12
 """How far, in spacings, an open point is moved inward when it is asked whether the others cover its place."""
 
-_EDGES = 40  # most edges of a cell while it is clipped
-_CHUNK = 128
+FACET = 4
+"""The bit of ``uncovered`` that tells that a point and its nearest neighbour lie exactly in both planes."""
+
+_ROOM = 48  # room for the corners of a cell while it is clipped
+_CHUNK = 64
 
 
 def reach_of(order: float) -> float:
@@ -76,7 +80,7 @@ def clip_cells(
     cells: Cells,
     points: Floats,
     normals: Floats,
-    flat: NDArray[np.uint8],
+    near: NDArray[np.int32],
     spacing: Floats,
     chosen: NDArray[np.int32],
     neighbours: NDArray[np.int32],
@@ -93,8 +97,8 @@ def clip_cells(
         Written at ``chosen``.
     points, normals : Floats, shape (n, 3)
         Coordinates and unit normals of either sign.
-    flat : NDArray[np.uint8], shape (n,)
-        1 where the surface round the point is flat: only there an edge is unfolded.
+    near : NDArray[np.int32], shape (n, l)
+        Nearest neighbours of every point; the first eight tell whether it lies on a flat piece.
     spacing : Floats, shape (n,)
         Local spacing.
     chosen : NDArray[np.int32], shape (m,)
@@ -108,260 +112,175 @@ def clip_cells(
     final : bool
         Settle what these neighbours can tell, though farther ones might change an insecure cell.
     """
-    with threads_for(len(chosen)):
-        chunks = (len(chosen) + _CHUNK - 1) // _CHUNK
-        _clip_all(chunks, points, normals, flat, spacing, chosen, neighbours, reach, proof, final, *cells)
-
-
-def flat_points(points: Floats, normals: Floats, neighbours: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """Return 1 where at least 3 of the 8 nearest neighbours share the point's plane."""
-    flags = np.zeros(len(points), np.uint8)
-    with threads_for(len(points)):
-        _flat(len(points), points, normals, neighbours, min(8, neighbours.shape[1]), flags)
-    return flags
-
-
-@rows
-def _flat(first, last, points, normals, neighbours, k, flags):
-    for i in range(first, last):
-        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-        count = 0
-        for a in range(k):
-            j = neighbours[i, a]
-            x, y, z = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-            w = abs(x * nx + y * ny + z * nz)
-            c = abs(nx * normals[j, 0] + ny * normals[j, 1] + nz * normals[j, 2])
-            if c > 0.97 and w * w <= 0.0225 * (x * x + y * y + z * z):
-                count += 1
-        flags[i] = 1 if count >= 3 else 0
-
-
-@kernel
-def far_side(points, normals, neighbours, row, k, i, h, gx, gy, gz, cx, cy, cz, line, where, proof):
-    """Tell on which side of an edge the plane of point i ends: 1 or -1 along g, or 0 if it goes on beyond the edge.
-
-    The edge runs along c at the distance ``line`` along g; asked is at ``where`` along c. Where planes merely cross,
-    as in two squares through each other, points of the plane lie on both sides of the line: at least ``proof`` on each.
-    """
-    before = 1 if line > 0.2 * h else 0
-    after = 1 if line < -0.2 * h else 0
-    for a in range(k):
-        j = neighbours[row, a]
-        cosine = normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] + normals[i, 2] * normals[j, 2]
-        if abs(cosine) < 0.97:
-            continue
-        dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-        if abs(dx * normals[i, 0] + dy * normals[i, 1] + dz * normals[i, 2]) > 0.15 * h:
-            continue
-        beyond = dx * gx + dy * gy + dz * gz - line
-        if abs(dx * cx + dy * cy + dz * cz - where) < 1.5 * h and abs(beyond) < 1.5 * h:
-            if beyond > 0.2 * h:
-                after += 1
-            elif beyond < -0.2 * h:
-                before += 1
-    if before >= proof and after >= proof:
-        return 0
-    if abs(line) > 0.05 * h or before == after:  # never by the sign of g alone, which is that of a normal
-        return 1 if line > 0.0 else -1
-    return 1 if before > after else -1
-
-
-@kernel
-def lay_out(points, normals, flat, neighbours, row, k, i, j, h, e, proof):
-    """Lay neighbour j into the tangent plane of point i.
-
-    ``e`` holds the tangent frame. Returns (accepted, u, v, roughness, tilt); tilt is -9 where j was unfolded over an
-    edge.
-    """
-    dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-    square = dx * dx + dy * dy + dz * dz
-    if square <= 0.0:
-        return False, 0.0, 0.0, 0.0, 0.0
-    length = math.sqrt(square)
-    ax, ay, az = normals[i, 0], normals[i, 1], normals[i, 2]
-    bx, by, bz = normals[j, 0], normals[j, 1], normals[j, 2]
-    wi = dx * ax + dy * ay + dz * az
-    wj = dx * bx + dy * by + dz * bz
-    cosine = ax * bx + ay * by + az * bz
-    sign = 1.0 if cosine >= 0.0 else -1.0
-    cosine = abs(cosine)
-    sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
-    if abs(wi) + abs(wj) > (0.6 + 1.2 * sine) * length:
-        return False, 0.0, 0.0, 0.0, 0.0
-    if cosine < 0.8:
-        # The planes meet in a line along c = a x b; g and f run across it in the plane of i and of j.
-        cx, cy, cz = (ay * bz - az * by) / sine, (az * bx - ax * bz) / sine, (ax * by - ay * bx) / sine
-        gx, gy, gz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
-        fx, fy, fz = cy * bz - cz * by, cz * bx - cx * bz, cx * by - cy * bx
-        to_line = wj / (gx * bx + gy * by + gz * bz)
-        from_line = -wi / (fx * ax + fy * ay + fz * az)
-        along = dx * cx + dy * cy + dz * cz
-        across = abs(to_line) + abs(from_line)
-        where = along * abs(to_line) / across if across > 0.0 else along
-        side = far_side(points, normals, neighbours, row, k, i, h, gx, gy, gz, cx, cy, cz, to_line, where, proof)
-        if side == 0:
-            return False, 0.0, 0.0, 0.0, 0.0
-        if flat[i] == 1 and flat[j] == 1:
-            turn = (gx * fx + gy * fy + gz * fz) * (-1.0 if to_line * from_line > 0.0 else 1.0)
-            if turn < -0.5 or across * across + along * along > 4.4 * square:
-                return False, 0.0, 0.0, 0.0, 0.0
-            across *= side
-            x, y, z = across * gx + along * cx, across * gy + along * cy, across * gz + along * cz
-            return True, x * e[0] + y * e[1] + z * e[2], x * e[3] + y * e[4] + z * e[5], 0.0, -9.0
-    u = dx * e[0] + dy * e[1] + dz * e[2]
-    v = dx * e[3] + dy * e[4] + dz * e[5]
-    t = math.sqrt(u * u + v * v)
-    if t < 0.05 * length:
-        return False, 0.0, 0.0, 0.0, 0.0
-    scale = length / t
-    slope = (wi + sign * wj) / length
-    slope *= slope
-    return True, u * scale, v * scale, 0.5 * slope / (1.0 + 10.0 * slope), (sign * wj - wi) / length
+    chunks = (len(chosen) + _CHUNK - 1) // _CHUNK
+    with threads_for(16 * len(chosen)):
+        _clip_all(chunks, points, normals, near, spacing, chosen, neighbours, reach, proof, final, *cells)
 
 
 @rows
 def _clip_all(
-    begin,
-    end,
-    points,
-    normals,
-    flat,
-    spacing,
-    chosen,
-    neighbours,
-    reach,
-    proof,
-    final,
-    area,
-    closed,
-    uncovered,
-    rough,
-    curved,
-    secure,
-    star,
-    joined,
-):
+    begin, end, points, normals, near, spacing, chosen, neighbours, reach, proof, final,
+    area, closed, uncovered, rough, curved, secure, star, joined,
+):  # fmt: skip
     m, k = neighbours.shape
-    for chunk in range(begin, end):
-        u, v = np.empty(k), np.empty(k)
-        roughness, tilt, who = np.empty(k), np.empty(k), np.empty(k, np.int32)
-        px, py, edge = np.empty(_EDGES + 8), np.empty(_EDGES + 8), np.empty(_EDGES + 8, np.int32)
-        qx, qy, other = np.empty(_EDGES + 8), np.empty(_EDGES + 8), np.empty(_EDGES + 8, np.int32)
-        for row in range(chunk * _CHUNK, min(m, chunk * _CHUNK + _CHUNK)):
-            i = chosen[row]
-            h = spacing[i]
-            e = tangent_frame(normals[i, 0], normals[i, 1], normals[i, 2])
-            half = 1.5 * reach * h
-            corners = 4
-            px[0], py[0], px[1], py[1] = -half, -half, half, -half
-            px[2], py[2], px[3], py[3] = half, half, -half, half
-            edge[0] = edge[1] = edge[2] = edge[3] = -1
-            reach2 = 2.0 * half * half
-            accepted = 0
-            last2 = 0.0
-            settled = False
-            for a in range(k):
-                j = neighbours[row, a]
-                x, y, z = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-                last2 = x * x + y * y + z * z
-                if last2 > 4.0 * reach2:
-                    settled = True
-                    break
-                ok, uu, vv, rr, tt = lay_out(points, normals, flat, neighbours, row, k, i, j, h, e, proof)
-                if not ok:
-                    continue
-                u[accepted], v[accepted], roughness[accepted], tilt[accepted], who[accepted] = uu, vv, rr, tt, j
-                accepted += 1
-                q = 0.5 * (uu * uu + vv * vv)
-                if 2.0 * q > 4.0 * reach2:
-                    continue
-                count = _cut(px, py, edge, np.int64(corners), qx, qy, other, uu, vv, q, accepted - 1)
-                if count >= 3:
-                    corners = count
-                    reach2 = 0.0
-                    for c in range(count):
-                        px[c], py[c], edge[c] = qx[c], qy[c], other[c]
-                        reach2 = max(reach2, qx[c] * qx[c] + qy[c] * qy[c])
-            secure[i] = 1 if settled or last2 > 4.0 * reach2 else 0
-            if accepted < 3:
-                area[i] = rough[i] = curved[i] = 0.0
-                closed[i] = 0
-                joined[i] = 0
-                uncovered[i] = 3
+    u, v, who = np.empty(k), np.empty(k), np.empty(k, np.int32)
+    wi, wj = np.empty(k), np.empty(k)  # heights over the two planes, wj past a smooth bend; NaN over an edge
+    px, py, edge = np.empty(2 * _ROOM), np.empty(2 * _ROOM), np.empty(2 * _ROOM, np.int32)
+    for row in range(begin * _CHUNK, min(m, end * _CHUNK)):
+        i = chosen[row]
+        h = spacing[i]
+        ox, oy, oz = points[i, 0], points[i, 1], points[i, 2]
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        ex, ey, ez, fx, fy, fz = tangent_frame(nx, ny, nz)
+        half = 1.5 * reach * h
+        base, corners = 0, 4
+        px[0], py[0], px[1], py[1] = -half, -half, half, -half
+        px[2], py[2], px[3], py[3] = half, half, -half, half
+        edge[0] = edge[1] = edge[2] = edge[3] = -1
+        reach2 = 2.0 * half * half
+        accepted = 0
+        square = 0.0
+        settled = False
+        for a in range(k):
+            j = neighbours[row, a]
+            dx, dy, dz = points[j, 0] - ox, points[j, 1] - oy, points[j, 2] - oz
+            square = dx * dx + dy * dy + dz * dz
+            if square > 4.0 * reach2:
+                settled = True
+                break
+            if square <= 0.0:
                 continue
-            cap2 = (reach * h) * (reach * h)
-            is_closed = reach2 <= cap2
-            total = 0.0
-            sum_rough = sum_t = sum_t2 = 0.0
-            sides = held = tilts = bits = 0
-            for c in range(corners):
-                first = edge[c]
-                if first < 0:
-                    is_closed = False
+            bx, by, bz = normals[j, 0], normals[j, 1], normals[j, 2]
+            own = dx * nx + dy * ny + dz * nz
+            other = dx * bx + dy * by + dz * bz
+            cosine = nx * bx + ny * by + nz * bz
+            steep = abs(own) + abs(other)
+            if steep * steep > 0.36 * square:
+                limit = 0.6 + 1.2 * math.sqrt(max(0.0, 1.0 - cosine * cosine))
+                if steep * steep > limit * limit * square:
                     continue
-                sides += 1
-                d = c + 1 if c + 1 < corners else 0
-                second = edge[d]
-                if min(px[c] * px[c] + py[c] * py[c], px[d] * px[d] + py[d] * py[d]) <= cap2:
-                    # sides farther off depend on how the square that was clipped happens to be turned
-                    sum_rough += roughness[first]
-                    held += 1
-                    if tilt[first] > -5.0:
-                        sum_t += tilt[first]
-                        sum_t2 += tilt[first] * tilt[first]
-                        tilts += 1
-                inside = False
-                if second >= 0 and px[d] * px[d] + py[d] * py[d] <= cap2:
-                    turn = u[first] * v[second] - v[first] * u[second]
-                    if turn > 1e-9 * h * h:
-                        inside = True
-                        total += 0.25 * (u[first] * py[d] - v[first] * px[d] + px[d] * v[second] - py[d] * u[second])
-                if sides <= star.shape[1]:
-                    star[i, sides - 1] = who[first]
-                    if inside:
-                        bits |= 1 << (sides - 1)
-            if sides > star.shape[1] > 0:  # the last neighbour kept is not followed by the first
-                bits &= (1 << (star.shape[1] - 1)) - 1
-            for c in range(sides, star.shape[1]):
-                star[i, c] = -1
-            joined[i] = bits
-            area[i] = total
-            closed[i] = 1 if is_closed else 0
-            mean_rough = sum_rough / max(held, 1)
-            rough[i] = mean_rough
-            curved[i] = 0.0
-            if tilts >= 4:
-                mean = sum_t / tilts
-                curved[i] = 0.215 * min(max(0.0, sum_t2 / tilts - mean * mean - 2.0 * mean_rough), 0.1)
-            uncovered[i] = 0
-            if not is_closed and (final or secure[i] == 1):
-                uncovered[i] = _uncovered(u, v, np.int64(accepted), h, cap2)
+            verdict = 1
+            if abs(cosine) < 0.8:
+                verdict, dx, dy, dz = over_edge(points, normals, near, neighbours, row, i, j, h, proof)
+                if verdict == 0:
+                    continue
+                if verdict == 1:
+                    dx, dy, dz = points[j, 0] - ox, points[j, 1] - oy, points[j, 2] - oz
+            uu = dx * ex + dy * ey + dz * ez
+            vv = dx * fx + dy * fy + dz * fz
+            flat2 = uu * uu + vv * vv
+            if verdict == 1:
+                if flat2 < 0.0025 * square:
+                    continue
+                scale = math.sqrt(square / flat2)
+                uu, vv, flat2 = uu * scale, vv * scale, square
+                wi[accepted], wj[accepted] = own, other if cosine >= 0.0 else -other
+            else:
+                wi[accepted] = wj[accepted] = math.nan
+            u[accepted], v[accepted], who[accepted] = uu, vv, j
+            accepted += 1
+            q = 0.5 * flat2
+            if flat2 > 4.0 * reach2:
+                continue
+            cuts = False
+            for c in range(base, base + corners):
+                if px[c] * uu + py[c] * vv > q:
+                    cuts = True
+                    break
+            if not cuts:
+                continue
+            target = _ROOM - base
+            count = _cut(px, py, edge, np.int64(base), np.int64(corners), target, uu, vv, q, accepted - 1)
+            if count >= 3:
+                base, corners = target, count
+                reach2 = 0.0
+                for c in range(base, base + corners):
+                    to_corner2 = px[c] * px[c] + py[c] * py[c]
+                    if to_corner2 > reach2:
+                        reach2 = to_corner2
+        secure[i] = 1 if settled or square > 4.0 * reach2 else 0
+        if accepted < 3:
+            area[i] = rough[i] = curved[i] = 0.0
+            closed[i] = joined[i] = 0
+            uncovered[i] = 3
+            continue
+        cap2 = (reach * h) * (reach * h)
+        is_closed = reach2 <= cap2
+        total = 0.0
+        sum_rough = sum_t = sum_t2 = 0.0
+        sides = held = tilts = bits = 0
+        for c in range(base, base + corners):
+            first = edge[c]
+            if first < 0:
+                is_closed = False
+                continue
+            sides += 1
+            d = c + 1 if c + 1 < base + corners else base
+            within = min(px[c] * px[c] + py[c] * py[c], px[d] * px[d] + py[d] * py[d]) <= cap2
+            if within:  # sides farther off depend on how the square that was clipped happens to be turned
+                held += 1
+            if within and not math.isnan(wi[first]):
+                inverse2 = 1.0 / (u[first] * u[first] + v[first] * v[first])
+                slope = (wi[first] + wj[first]) * (wi[first] + wj[first]) * inverse2
+                sum_rough += 0.5 * slope / (1.0 + 10.0 * slope)
+                tilt = wj[first] - wi[first]
+                sum_t += tilt * math.sqrt(inverse2)
+                sum_t2 += tilt * tilt * inverse2
+                tilts += 1
+            second = edge[d]
+            inside = False
+            if second >= 0 and px[d] * px[d] + py[d] * py[d] <= cap2:
+                if u[first] * v[second] - v[first] * u[second] > 1e-9 * h * h:
+                    inside = True
+                    total += 0.25 * (u[first] * py[d] - v[first] * px[d] + px[d] * v[second] - py[d] * u[second])
+            if sides <= star.shape[1]:
+                star[i, sides - 1] = who[first]
+                if inside:
+                    bits |= 1 << (sides - 1)
+        if sides > star.shape[1] > 0:  # the last neighbour kept is not followed by the first
+            bits &= (1 << (star.shape[1] - 1)) - 1
+        for c in range(sides, star.shape[1]):
+            star[i, c] = -1
+        joined[i] = bits
+        area[i] = total
+        closed[i] = 1 if is_closed else 0
+        mean_rough = sum_rough / max(held, 1)
+        rough[i] = mean_rough
+        curved[i] = 0.0
+        if tilts >= 4:
+            mean = sum_t / tilts
+            curved[i] = 0.215 * min(max(0.0, sum_t2 / tilts - mean * mean - 2.0 * mean_rough), 0.1)
+        flags = FACET if abs(wi[0]) + abs(wj[0]) <= 1e-6 * h else 0
+        if not is_closed and (final or secure[i] == 1):
+            flags |= _uncovered(u, v, np.int64(accepted), h, cap2)
+        uncovered[i] = flags
 
 
 @kernel
-def _cut(px, py, edge, corners, qx, qy, other, u, v, q, label):
-    """Clip a convex polygon by the half-plane p . (u, v) <= q; return the corners left, or 0 if nothing was cut."""
-    deepest = -1.0
-    for c in range(corners):
-        deepest = max(deepest, px[c] * u + py[c] * v - q)
-    if deepest <= 0.0:
-        return 0
-    count = 0
-    for c in range(corners):
-        d = c + 1 if c + 1 < corners else 0
-        s = px[c] * u + py[c] * v - q
-        t = px[d] * u + py[d] * v - q
+def _cut(px, py, edge, base, corners, target, u, v, q, label):
+    """Clip the convex polygon at ``base`` by the half-plane p . (u, v) <= q, write it at ``target``; return its corners.
+
+    0 stands for a polygon of too many corners; it is then left as it is.
+    """
+    count = target
+    x, y = px[base], py[base]
+    s = x * u + y * v - q
+    for c in range(base, base + corners):
+        d = c + 1 if c + 1 < base + corners else base
+        nx, ny = px[d], py[d]
+        t = nx * u + ny * v - q
         if s <= 0.0:
-            qx[count], qy[count], other[count] = px[c], py[c], edge[c]
+            px[count], py[count], edge[count] = x, y, edge[c]
             count += 1
         if (s <= 0.0) != (t <= 0.0):
             f = s / (s - t)
-            qx[count], qy[count] = px[c] + f * (px[d] - px[c]), py[c] + f * (py[d] - py[c])
-            other[count] = label if s <= 0.0 else edge[c]
+            px[count], py[count] = x + f * (nx - x), y + f * (ny - y)
+            edge[count] = label if s <= 0.0 else edge[c]
             count += 1
-        if count > _EDGES:
+        if count - target > _ROOM - 4:
             return 0
-    return count
+        x, y, s = nx, ny, t
+    return count - target
 
 
 @kernel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +53,7 @@ class Neighbourhoods:
         """The points in the order of the index, minus its origin, shape (n, 3)."""
         return self.index.points
 
-    @property
+    @cached_property
     def order(self) -> float:
         """How regularly the points lie: 0.5 at random, 0.8 blue noise, 1 on a grid."""
         return regularity(self.squared, self.spacing)

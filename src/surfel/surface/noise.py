@@ -35,7 +35,7 @@ class NeighbourSource(Protocol):
 
 
 def sample_rows(points: Floats, count: int) -> NDArray[np.int32]:
-    """Choose rows by their rank in the distance from the centroid: permutation and rigid motion change nothing.
+    """Choose rows spread over the cloud; permutation and rigid motion change nothing.
 
     Parameters
     ----------
@@ -49,16 +49,28 @@ def sample_rows(points: Floats, count: int) -> NDArray[np.int32]:
     NDArray[np.int32], shape (min(n, count),)
         Row numbers, ascending.
     """
-    ranks = radial_ranks(points)
     n = len(points)
-    chosen = ranks if n <= count else ranks[(np.arange(count) * n + n // 2) // count]
-    return np.sort(chosen).astype(np.int32)
+    if n <= count:
+        return np.arange(n, dtype=np.int32)
+    place = _along_the_cloud(points)
+    chosen = np.sort(place)[(np.arange(count) * n + n // 2) // count]
+    nearest = np.minimum(np.searchsorted(chosen, place), count - 1)
+    return np.flatnonzero(chosen[nearest] == place)[:count].astype(np.int32)
 
 
-def radial_ranks(points: Floats) -> NDArray[np.int64]:
-    """Return the rows in the order of their distance from the centroid."""
-    offset = points - points.mean(axis=0)
-    return np.argsort(np.einsum("ij,ij->i", offset, offset), kind="stable")
+def axial_ranks(points: Floats) -> NDArray[np.int64]:
+    """Return the rows in the order of their place along the cloud; permutation and rigid motion change nothing.
+
+    Ranks that follow each other lie far apart across the axis, so that every other one is a fair half of the cloud.
+    """
+    return np.argsort(_along_the_cloud(points))
+
+
+def _along_the_cloud(points: Floats) -> Floats:
+    """Return each point's place along the axis from the centroid to the farthest point."""
+    x, y, z = (column - column.mean() for column in points.T)
+    far = int(np.argmax(x * x + y * y + z * z))
+    return np.asarray(x * x[far] + y * y[far] + z * z[far])
 
 
 def noise_level(index: NeighbourSource) -> float:

@@ -60,7 +60,7 @@ def fit_planes(
     points: Floats, chosen: NDArray[np.int32], neighbours: NDArray[np.int32], k: int, planes: Planes
 ) -> None:
     """Fit a plane to each of the chosen points and its first k neighbours, and write it into ``planes``."""
-    with threads_for(len(chosen)):
+    with threads_for(8 * len(chosen)):
         _fit(len(chosen), points, chosen, neighbours, min(k, neighbours.shape[1]), *planes)
 
 

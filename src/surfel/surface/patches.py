@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from surfel.core.cast import Floats
 from surfel.core.execute import blocks
 from surfel.surface.border import border_share, nearby_cells
-from surfel.surface.cells import Cells, clip_cells, flat_points, reach_of
+from surfel.surface.cells import FACET, Cells, clip_cells, reach_of
 from surfel.surface.denoise import denoise, matters
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.noise import noise_level
@@ -109,19 +109,17 @@ def _patches_of(
     if projected:
         areas = areas - 0.8 * rough + border - _noisy_border(cells, hood.spacing, noise, random_border)
     else:
-        areas = areas + border + _fine_relief(hood, normals) * rough
+        areas = areas + border + _fine_relief(hood, cells) * rough
     return LocalPatches(hood, normals, areas, cells, border, float(rough.sum()), noise, random_border, projected)
 
 
-def _fine_relief(hood: Neighbourhoods, normals: Floats) -> float:
+def _fine_relief(hood: Neighbourhoods, cells: Cells) -> float:
     """Return how far the roughness that the normals show between points is to be counted, from 0 to 1.
 
     Random samples have relief between them. The vertices of a scanned mesh, which lie in good order, are its relief;
     but the normals of exact facets, known by many neighbours that share a plane, belong to samples all the same.
     """
-    step = hood.points[hood.near[:, 0]] - hood.points
-    off = np.abs(np.einsum("ij,ij->i", step, normals)) + np.abs(np.einsum("ij,ij->i", step, normals[hood.near[:, 0]]))
-    facets = float((off <= 1e-6 * np.sqrt(hood.squared[:, 0])).mean())
+    facets = float(((cells.uncovered & FACET) > 0).mean())
     return max(float(np.interp(hood.order, [0.6, 0.75], [1.0, 0.0])), float(np.interp(facets, [0.02, 0.1], [0.0, 1.0])))
 
 
@@ -146,16 +144,15 @@ def _upright(normals: Floats) -> Floats:
 def _settled_cells(hood: Neighbourhoods, normals: Floats, star: int, proof: int) -> Cells:
     """Clip every cell by its near neighbours, then those that farther ones might change by more of them."""
     n, k = hood.near.shape
-    flat = flat_points(hood.points, normals, hood.near)
     reach = reach_of(hood.order)
     cells = Cells.empty(n, star)
     everyone = np.arange(n, dtype=np.int32)
     few = k == n - 1
-    clip_cells(cells, hood.points, normals, flat, hood.spacing, everyone, hood.near, reach, proof, final=few)
+    clip_cells(cells, hood.points, normals, hood.near, hood.spacing, everyone, hood.near, reach, proof, final=few)
     if not few:
         for rows in _in_blocks(np.flatnonzero(cells.secure == 0).astype(np.int32)):
             wide = hood.index.knn(min(FAR, n - 1), rows)[1]
-            clip_cells(cells, hood.points, normals, flat, hood.spacing, rows, wide, reach, proof, final=True)
+            clip_cells(cells, hood.points, normals, hood.near, hood.spacing, rows, wide, reach, proof, final=True)
     return cells
 
 

@@ -46,7 +46,7 @@ def project(
         On the fitted quadrics.
     """
     moved, turned = np.empty((len(chosen), 3)), np.empty((len(chosen), 3))
-    with threads_for(len(chosen) * neighbours.shape[1] // 8):
+    with threads_for(len(chosen) * neighbours.shape[1]):
         chunks = (len(chosen) + _CHUNK - 1) // _CHUNK
         _project(chunks, points, normals, chosen, neighbours, alike, moved, turned)
     return moved, turned
@@ -55,48 +55,71 @@ def project(
 @rows
 def _project(begin, end, points, normals, chosen, neighbours, alike, moved, turned):
     m, k = neighbours.shape
-    for chunk in range(begin, end):
-        matrix, right, f = np.empty((6, 6)), np.empty(6), np.empty(6)
-        for row in range(chunk * _CHUNK, min(m, chunk * _CHUNK + _CHUNK)):
-            i = chosen[row]
-            px, py, pz = points[i, 0], points[i, 1], points[i, 2]
-            nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-            e = tangent_frame(nx, ny, nz)
-            last = neighbours[row, k - 1]
-            x, y, z = points[last, 0] - px, points[last, 1] - py, points[last, 2] - pz
-            width = 0.5 * math.sqrt(x * x + y * y + z * z)
-            inverse = 1.0 / width if width > 0.0 else 0.0
-            matrix[:, :] = 0.0
-            right[:] = 0.0
-            weights, count = 1.0, 0
-            f[0], f[1], f[2], f[3], f[4], f[5] = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            matrix[0, 0] = 1.0  # the point itself, at height 0
-            for a in range(k):
-                j = neighbours[row, a]
-                if abs(normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz) < alike:
-                    continue
-                x, y, z = points[j, 0] - px, points[j, 1] - py, points[j, 2] - pz
-                u = (x * e[0] + y * e[1] + z * e[2]) * inverse
-                v = (x * e[3] + y * e[4] + z * e[5]) * inverse
-                w = x * nx + y * ny + z * nz
-                g = math.exp(-0.5 * (u * u + v * v))
-                weights += g
-                count += 1
-                f[1], f[2], f[3], f[4], f[5] = u, v, u * u, u * v, v * v
-                for p in range(6):
-                    gf = g * f[p]
-                    right[p] += gf * w
-                    for q in range(p + 1):
-                        matrix[p, q] += gf * f[q]
-            if count < _LEAST:
-                moved[row, 0], moved[row, 1], moved[row, 2] = px, py, pz
-                turned[row, 0], turned[row, 1], turned[row, 2] = nx, ny, nz
+    matrix, right = np.empty((6, 6)), np.empty(6)
+    for row in range(begin * _CHUNK, min(m, end * _CHUNK)):
+        i = chosen[row]
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        ex, ey, ez, fx, fy, fz = tangent_frame(nx, ny, nz)
+        last = neighbours[row, k - 1]
+        x, y, z = points[last, 0] - px, points[last, 1] - py, points[last, 2] - pz
+        width = 0.5 * math.sqrt(x * x + y * y + z * z)
+        inverse = 1.0 / width if width > 0.0 else 0.0
+        # Sums of weight u^a v^b, and of weight u^a v^b w; the point itself lies at the origin with weight 1.
+        s00, s10, s01, s20, s11, s02 = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        s30 = s21 = s12 = s03 = s40 = s31 = s22 = s13 = s04 = 0.0
+        t00 = t10 = t01 = t20 = t11 = t02 = 0.0
+        count = 0
+        for a in range(k):
+            j = neighbours[row, a]
+            if abs(normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz) < alike:
                 continue
-            for p in range(6):
-                matrix[p, p] += (0.5e-9 if p == 4 else 1e-9) * weights  # uv half: turning e changes nothing
-            solve_spd(matrix, right)
-            moved[row, 0], moved[row, 1], moved[row, 2] = px + right[0] * nx, py + right[0] * ny, pz + right[0] * nz
-            su, sv = right[1] * inverse, right[2] * inverse
-            tx, ty, tz = nx - su * e[0] - sv * e[3], ny - su * e[1] - sv * e[4], nz - su * e[2] - sv * e[5]
-            length = 1.0 / math.sqrt(tx * tx + ty * ty + tz * tz)
-            turned[row, 0], turned[row, 1], turned[row, 2] = tx * length, ty * length, tz * length
+            x, y, z = points[j, 0] - px, points[j, 1] - py, points[j, 2] - pz
+            u = (x * ex + y * ey + z * ez) * inverse
+            v = (x * fx + y * fy + z * fz) * inverse
+            w = x * nx + y * ny + z * nz
+            uu, uv, vv = u * u, u * v, v * v
+            g = math.exp(-0.5 * (uu + vv))
+            count += 1
+            s00 += g
+            s10 += g * u
+            s01 += g * v
+            t00 += g * w
+            t10 += g * u * w
+            t01 += g * v * w
+            guu, guv, gvv = g * uu, g * uv, g * vv
+            s20 += guu
+            s11 += guv
+            s02 += gvv
+            t20 += guu * w
+            t11 += guv * w
+            t02 += gvv * w
+            s30 += guu * u
+            s21 += guu * v
+            s12 += gvv * u
+            s03 += gvv * v
+            s40 += guu * uu
+            s31 += guu * uv
+            s22 += guu * vv
+            s13 += gvv * uv
+            s04 += gvv * vv
+        if count < _LEAST:
+            moved[row, 0], moved[row, 1], moved[row, 2] = px, py, pz
+            turned[row, 0], turned[row, 1], turned[row, 2] = nx, ny, nz
+            continue
+        ridge = 1e-9 * s00
+        matrix[0, 0] = s00 + ridge
+        matrix[1, 0], matrix[1, 1] = s10, s20 + ridge
+        matrix[2, 0], matrix[2, 1], matrix[2, 2] = s01, s11, s02 + ridge
+        matrix[3, 0], matrix[3, 1], matrix[3, 2], matrix[3, 3] = s20, s30, s21, s40 + ridge
+        matrix[4, 0], matrix[4, 1], matrix[4, 2], matrix[4, 3] = s11, s21, s12, s31
+        matrix[4, 4] = s22 + 0.5 * ridge  # half for uv: turning the frame changes nothing
+        matrix[5, 0], matrix[5, 1], matrix[5, 2], matrix[5, 3], matrix[5, 4] = s02, s12, s03, s22, s13
+        matrix[5, 5] = s04 + ridge
+        right[0], right[1], right[2], right[3], right[4], right[5] = t00, t10, t01, t20, t11, t02
+        solve_spd(matrix, right)
+        moved[row, 0], moved[row, 1], moved[row, 2] = px + right[0] * nx, py + right[0] * ny, pz + right[0] * nz
+        su, sv = right[1] * inverse, right[2] * inverse
+        tx, ty, tz = nx - su * ex - sv * fx, ny - su * ey - sv * fy, nz - su * ez - sv * fz
+        length = 1.0 / math.sqrt(tx * tx + ty * ty + tz * tz)
+        turned[row, 0], turned[row, 1], turned[row, 2] = tx * length, ty * length, tz * length

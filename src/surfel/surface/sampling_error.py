@@ -9,7 +9,7 @@ import numpy as np
 
 from surfel.core.cast import Floats
 from surfel.surface.neighbourhoods import Neighbourhoods
-from surfel.surface.noise import radial_ranks
+from surfel.surface.noise import axial_ranks
 from surfel.surface.patches import LocalPatches, local_patches
 
 FLOOR = 3e-4
@@ -98,7 +98,7 @@ def _halves(hood: Neighbourhoods, normals: Floats | None, noise: float) -> tuple
     """Return the areas of two complementary halves; which point goes where depends on its place alone."""
     if len(hood) < HALVES_FROM:
         return math.nan, math.nan
-    ranks = radial_ranks(hood.points)
+    ranks = axial_ranks(hood.points)
     areas = []
     for parity in (0, 1):
         half = hood.subset(np.sort(ranks[parity::2]))
