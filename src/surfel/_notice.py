@@ -1,8 +1,11 @@
-"""Who is told when kernels are compiled: asked for before numba is imported, and without importing it."""
+"""What is agreed before numba is imported, and without importing it: who is told of compilation, and how lean to start."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+
+own_process = False
+"""Whether the process is surfel's own (the command line): it may then leave out what only other code would use."""
 
 _waiting: list[Callable[[], None]] = []
 

@@ -13,7 +13,10 @@ Kernels are compiled lazily, on the first call with the types that occur. Three 
 from __future__ import annotations
 
 import hashlib
+import importlib
+import os
 import re
+import sys
 import threading
 import time
 from collections import deque
@@ -28,7 +31,7 @@ from typing import Any, TypeVar
 import numba
 from numba.core import event
 
-from surfel._notice import compilation_starts
+from surfel import _notice
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -37,6 +40,20 @@ _PARTS = 8  # parts a thread, so that a thread that is held up does not hold up 
 _local = threading.local()
 _ROOT = Path(__file__).parent
 _IMPORT = re.compile(r"^\s*from (surfel[\w.]*) import", re.MULTILINE)
+
+
+def _start_without_linear_algebra() -> None:
+    """Let numba set itself up without scipy.linalg: a quarter of a second that only ``numpy.dot`` in kernels needs."""
+    if "scipy.linalg" not in sys.modules:
+        sys.modules["scipy.linalg.cython_blas"] = None  # type: ignore[assignment]
+        try:
+            importlib.import_module("numba.np.arraymath")
+        finally:
+            del sys.modules["scipy.linalg.cython_blas"]
+
+
+if _notice.own_process:
+    _start_without_linear_algebra()
 
 
 @cache
@@ -134,6 +151,10 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max_workers=max(1, int(numba.config.NUMBA_NUM_THREADS)), thread_name_prefix="surfel")
 
 
+if hasattr(os, "register_at_fork"):  # not on Windows, which cannot fork
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # a forked child has none of its parent's threads
+
+
 def _thread_limit() -> int:
     """Return how many threads a kernel may use here: what :func:`threads_for` or numba was told."""
     limit = getattr(_local, "limit", None)
@@ -177,7 +198,7 @@ class _CompileClock(event.Listener):  # type: ignore[misc]
     def on_start(self, event: Any) -> None:
         if self._depth == 0:
             self._started = time.perf_counter()
-            compilation_starts()
+            _notice.compilation_starts()
         self._depth += 1
 
     def on_end(self, event: Any) -> None:

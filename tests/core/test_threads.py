@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import threading
 
 import numba
@@ -71,3 +74,35 @@ def test_many_python_threads_may_call_one_kernel_at_once():
 def test_an_error_inside_comes_out():
     with pytest.raises(numba.core.errors.NumbaError):
         _mark(10, np.zeros(10), "no number")
+
+
+_FORK = """
+import os, sys
+import numpy as np
+from surfel._numba import rows, threads_for
+
+@rows
+def double(first, last, values, out):
+    for i in range(first, last):
+        out[i] = 2.0 * values[i]
+
+def run():
+    values, out = np.arange(1000.0), np.zeros(1000)
+    with threads_for(10**6, 2):
+        double(1000, values, out)
+    return (out == 2.0 * values).all()
+
+assert run()
+child = os.fork()
+if child == 0:
+    os._exit(0 if run() else 1)
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_forked_child_starts_threads_of_its_own(tmp_path):
+    script = tmp_path / "fork.py"
+    script.write_text(_FORK)
+    environment = {**os.environ, "NUMBA_NUM_THREADS": "2"}
+    assert subprocess.run([sys.executable, str(script)], env=environment, timeout=120).returncode == 0

@@ -7,10 +7,13 @@ unreadable or lying file, a full disk, a missing extra); 130 after Ctrl-C; 141 w
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
 from collections.abc import Sequence
+
+from surfel import _notice
 
 EXIT_DEFECT = 1
 EXIT_REFUSED = 2
@@ -38,6 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     2
     """
     hook, sys.unraisablehook = sys.unraisablehook, _keep_interrupts
+    if arguments is None:
+        _start_lean()
     try:
         code = _run(sys.argv[1:] if arguments is None else list(arguments))
         sys.stdout.flush()
@@ -61,6 +66,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _refuse_or_raise(error)
     finally:
         sys.unraisablehook = hook
+
+
+def _start_lean() -> None:
+    """Prepare a process of our own for a short life: imports make much garbage-collector work and no garbage."""
+    gc.set_threshold(200_000, 20, 20)
+    _notice.own_process = True
 
 
 def _run(arguments: list[str]) -> int:

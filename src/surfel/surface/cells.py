@@ -18,7 +18,7 @@ from surfel._numba import kernel, rows, threads_for
 from surfel._vec import tangent_frame
 from surfel.core.cast import Floats
 from surfel.surface.border import is_covered
-from surfel.surface.unfold import over_edge
+from surfel.surface.unfold import in_plane, over_edge
 
 REACH_RANDOM, REACH_REGULAR = 2.5, 2.1
 """Largest circumradius, in spacings, of a triangle that still belongs to the surface, where points lie at random and
@@ -113,18 +113,20 @@ def clip_cells(
         Settle what these neighbours can tell, though farther ones might change an insecure cell.
     """
     chunks = (len(chosen) + _CHUNK - 1) // _CHUNK
+    flat = np.full(len(points), 2, np.uint8)
     with threads_for(16 * len(chosen)):
-        _clip_all(chunks, points, normals, near, spacing, chosen, neighbours, reach, proof, final, *cells)
+        _clip_all(chunks, points, normals, near, spacing, chosen, neighbours, reach, proof, final, flat, *cells)
 
 
 @rows
 def _clip_all(
-    begin, end, points, normals, near, spacing, chosen, neighbours, reach, proof, final,
+    begin, end, points, normals, near, spacing, chosen, neighbours, reach, proof, final, flat,
     area, closed, uncovered, rough, curved, secure, star, joined,
 ):  # fmt: skip
     m, k = neighbours.shape
     u, v, who = np.empty(k), np.empty(k), np.empty(k, np.int32)
     wi, wj = np.empty(k), np.empty(k)  # heights over the two planes, wj past a smooth bend; NaN over an edge
+    ax, ay, az = np.empty(k), np.empty(k), np.empty(k)
     px, py, edge = np.empty(2 * _ROOM), np.empty(2 * _ROOM), np.empty(2 * _ROOM, np.int32)
     for row in range(begin * _CHUNK, min(m, end * _CHUNK)):
         i = chosen[row]
@@ -139,6 +141,7 @@ def _clip_all(
         edge[0] = edge[1] = edge[2] = edge[3] = -1
         reach2 = 2.0 * half * half
         accepted = 0
+        plane = -1  # how many neighbours share the plane of i, not known until an edge is met
         square = 0.0
         settled = False
         for a in range(k):
@@ -161,7 +164,11 @@ def _clip_all(
                     continue
             verdict = 1
             if abs(cosine) < 0.8:
-                verdict, dx, dy, dz = over_edge(points, normals, near, neighbours, row, i, j, h, proof)
+                if plane < 0:
+                    plane = in_plane(points, normals, neighbours, row, i, h, ax, ay, az)
+                verdict, dx, dy, dz = over_edge(
+                    points, normals, near, flat, i, j, h, ax, ay, az, np.int64(plane), proof
+                )
                 if verdict == 0:
                     continue
                 if verdict == 1:

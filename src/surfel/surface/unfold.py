@@ -27,24 +27,46 @@ def is_flat(points, normals, near, i):
 
 
 @kernel
-def far_side(points, normals, neighbours, row, i, h, gx, gy, gz, cx, cy, cz, line, where, proof):
-    """Tell on which side of an edge the plane of point i ends: 1 or -1 along g, or 0 if it goes on beyond the edge.
+def known_flat(points, normals, near, i, flat):
+    """Return whether point i lies on a flat piece, looked up in ``flat`` (2 where not known yet) or found and kept.
 
-    The edge runs along c at the distance ``line`` along g; asked is at ``where`` along c. Where planes merely cross,
-    as in two squares through each other, points of the plane lie on both sides of the line: at least ``proof`` on each.
+    Threads may find the same point at once; they write the same.
+    """
+    if flat[i] == 2:
+        flat[i] = 1 if is_flat(points, normals, near, i) else 0
+    return flat[i] == 1
+
+
+@kernel
+def in_plane(points, normals, neighbours, row, i, h, x, y, z):
+    """Write the offsets of those neighbours of point i that share its plane; return how many there are."""
+    nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+    count = 0
+    for a in range(neighbours.shape[1]):
+        j = neighbours[row, a]
+        if abs(nx * normals[j, 0] + ny * normals[j, 1] + nz * normals[j, 2]) < 0.97:
+            continue
+        dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+        if abs(dx * nx + dy * ny + dz * nz) > 0.15 * h:
+            continue
+        x[count], y[count], z[count] = dx, dy, dz
+        count += 1
+    return count
+
+
+@kernel
+def far_side(x, y, z, count, h, gx, gy, gz, cx, cy, cz, line, where, proof):
+    """Tell on which side of an edge a plane ends: 1 or -1 along g, or 0 if it goes on beyond the edge.
+
+    The edge runs along c at the distance ``line`` along g; asked is at ``where`` along c; x, y, z are the offsets of
+    ``count`` points of the plane. Where planes merely cross, as in two squares through each other, points of the plane
+    lie on both sides of the line: at least ``proof`` on each.
     """
     before = 1 if line > 0.2 * h else 0
     after = 1 if line < -0.2 * h else 0
-    for a in range(neighbours.shape[1]):
-        j = neighbours[row, a]
-        cosine = normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] + normals[i, 2] * normals[j, 2]
-        if abs(cosine) < 0.97:
-            continue
-        dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-        if abs(dx * normals[i, 0] + dy * normals[i, 1] + dz * normals[i, 2]) > 0.15 * h:
-            continue
-        beyond = dx * gx + dy * gy + dz * gz - line
-        if abs(dx * cx + dy * cy + dz * cz - where) < 1.5 * h and abs(beyond) < 1.5 * h:
+    for a in range(count):
+        beyond = x[a] * gx + y[a] * gy + z[a] * gz - line
+        if abs(beyond) < 1.5 * h and abs(x[a] * cx + y[a] * cy + z[a] * cz - where) < 1.5 * h:
             if beyond > 0.2 * h:
                 after += 1
             elif beyond < -0.2 * h:
@@ -59,10 +81,10 @@ def far_side(points, normals, neighbours, row, i, h, gx, gy, gz, cx, cy, cz, lin
 
 
 @kernel
-def over_edge(points, normals, near, neighbours, row, i, j, h, proof):
+def over_edge(points, normals, near, flat, i, j, h, px, py, pz, count, proof):
     """Unfold neighbour j of point i, whose normals differ, over the line in which their planes meet.
 
-    Returns (verdict, x, y, z): 0 where j is no neighbour on the surface, 1 where it is but not over a flat edge (it is
+    px, py, pz hold the offsets of ``count`` neighbours that share the plane of i. Returns (verdict, x, y, z): 0 where j is no neighbour on the surface, 1 where it is but not over a flat edge (it is
     then laid out as on a smooth surface), 2 with the unfolded offset from i.
     """
     dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
@@ -82,10 +104,10 @@ def over_edge(points, normals, near, neighbours, row, i, j, h, proof):
     along = dx * cx + dy * cy + dz * cz
     across = abs(to_line) + abs(from_line)
     where = along * abs(to_line) / across if across > 0.0 else along
-    side = far_side(points, normals, neighbours, row, i, h, gx, gy, gz, cx, cy, cz, to_line, where, proof)
+    side = far_side(px, py, pz, count, h, gx, gy, gz, cx, cy, cz, to_line, where, proof)
     if side == 0:
         return 0, 0.0, 0.0, 0.0
-    if not (is_flat(points, normals, near, i) and is_flat(points, normals, near, j)):
+    if not (known_flat(points, normals, near, i, flat) and known_flat(points, normals, near, j, flat)):
         return 1, 0.0, 0.0, 0.0
     turn = (gx * fx + gy * fy + gz * fz) * (-1.0 if to_line * from_line > 0.0 else 1.0)
     if turn < -0.5 or across * across + along * along > 4.4 * square:
