@@ -53,6 +53,35 @@ def test_a_tolerance_out_of_reach_is_refused_in_the_end(monkeypatch):
         surfel.measure(CLOUD, lines=1024, tolerance=1e-9)
 
 
+def test_a_tolerance_out_of_reach_is_foreseen(monkeypatch):
+    from surfel.measuring import by_lines
+
+    cast, known = [], by_lines._cast
+    monkeypatch.setattr(by_lines, "_cast", lambda *a: cast.append(a[3] - a[2]) or known(*a))
+    with pytest.raises(surfel.ConvergenceError, match=r"not known to 1e-09 .* would be after about \de\+\d+ of them"):
+        surfel.measure(CLOUD, lines=64, tolerance=1e-9)
+    assert by_lines.SHIFTS * sum(cast) < 1e5
+
+
+@pytest.mark.parametrize("order", [0.5, 1.0])
+def test_the_lines_needed_are_foreseen_from_how_the_error_fell(order):
+    from surfel.measuring.by_lines import _lines_needed
+
+    shaky = np.exp(np.random.default_rng(0).normal(0.0, 0.05, 6))
+    widths = list(shaky * 0.01 * (1000.0 * 2.0 ** np.arange(6)) ** -order)
+    final = 0.01 * 1e8**-order  # reached after 1e8 lines
+    assert 1e6 < _lines_needed(widths, 32_000, final) < 1e8
+    assert _lines_needed(widths[:4], 8000, final) == 0.0  # too early to tell
+    assert _lines_needed([0.0, *widths], 32_000, final) == 0.0
+    assert _lines_needed([np.inf, *widths], 32_000, final) == 0.0
+
+
+def test_a_tolerance_within_reach_is_reached():
+    m = surfel.measure(CLOUD, lines=64, tolerance=2e-3)
+    low, high = m.volume.interval(0.95)
+    assert m.lines > 64 * 2**4 and high > low  # though more than a few doublings were needed
+
+
 def test_the_number_of_lines_that_were_cast_is_told():
     for lines in (16, 17, 1000):
         m = surfel.measure(CLOUD, lines=lines)

@@ -192,6 +192,35 @@ def test_inside_and_outside(given):
     assert (cloud.contains(places)[clear] == (off > 0)[clear]).mean() > 0.999
 
 
+@pytest.mark.parametrize(
+    "open_", [truth.square, truth.half_sphere, truth.crossing_squares, lambda n: truth.capless_sphere(n, 0.05)]
+)
+def test_an_open_cloud_has_no_inside_unless_it_is_said_to_be_a_solid(open_):
+    cloud = Surfels(open_(3000).points)
+    with pytest.raises(surfel.InputError, match=r"open: .*% of the lines .*with_solid\(True\)"):
+        cloud.contains([[0, 0, 0]])
+    with pytest.raises(surfel.InputError, match="open"):
+        Surfels(np.zeros((1, 3))).cropped(cloud)
+    assert cloud.with_solid(True).contains([[0, 0, 9]]).tolist() == [False]
+    assert Surfels(truth.capless_sphere(3000, 0.02).points, solid=True).contains([[0, 0, 0]]).tolist() == [True]
+
+
+def test_a_sheet_has_no_inside():
+    cloud = Surfels(truth.sphere(1000).points, solid=False)
+    with pytest.raises(surfel.InputError, match="solid=False"):
+        cloud.contains([[0, 0, 0]])
+    assert cloud.with_solid(None).contains([[0, 0, 0]]).tolist() == [True]
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_the_leak_of_few_lines_is_that_of_the_cap(scale):
+    for share in (0.05, 0.2):
+        cap = truth.capless_sphere(6000, share, 2).points * scale + 3.0 * scale
+        expected = 2.0 * share / (1.0 + share)  # odd with 2 f (1 - f), missed f^2
+        assert Surfels(cap).surface.leak == pytest.approx(expected, rel=0.1)
+    assert Surfels(truth.torus(6000, 2).points * scale).surface.leak < 0.005
+
+
 def test_no_lines_and_no_surface_cross_nothing():
     nothing = Lines.of(np.empty((0, 3)), np.empty((0, 3)), 1.0)
     cloud = Surfels(truth.sphere(200, 1).points)

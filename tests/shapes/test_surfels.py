@@ -141,6 +141,29 @@ def test_joining_keeps_what_both_know(full):
         full + np.zeros((2, 3))
 
 
+@pytest.mark.parametrize(
+    ("mine", "other", "kind", "joined"),
+    [
+        (np.uint8([[0, 51, 255]]), np.uint8([[1, 2, 3]]), np.uint8, [[0, 51, 255], [1, 2, 3]]),
+        (np.float32([[0, 0.5, 1]]), np.float64([[0.25, 0, 1]]), np.float64, [[0, 0.5, 1], [0.25, 0, 1]]),
+        (np.uint8([[0, 51, 255]]), np.int64([[1, 2, 3]]), np.int64, [[0, 51, 255], [1, 2, 3]]),
+        (np.uint8([[0, 51, 255]]), np.float32([[0, 0.5, 1]]), np.float64, [[0, 0.2, 1], [0, 0.5, 1]]),
+        (np.uint16([[0, 13107, 65535]]), np.uint8([[0, 51, 255]]), np.float64, [[0, 0.2, 1], [0, 0.2, 1]]),
+    ],
+)
+def test_joined_colors_are_of_one_scale(mine, other, kind, joined):
+    a, b = Surfels(np.zeros((1, 3)), colors=mine), Surfels(np.ones((1, 3)), colors=other)
+    assert (a + b).colors.dtype == kind
+    np.testing.assert_allclose((a + b).colors, joined)
+    np.testing.assert_allclose((b + a).colors, joined[::-1])
+
+
+def test_text_and_numbers_are_not_joined():
+    a = Surfels(np.zeros((1, 3)), attributes={"kind": ["roof"], "pass": [1]})
+    b = Surfels(np.ones((1, 3)), attributes={"kind": [2], "pass": [2]})
+    assert set((a + b).attributes) == {"pass"} == set((b + a).attributes)
+
+
 def test_text_says_what_is_known(full):
     assert repr(full) == "Surfels(200 points, normals, radii, colors, intensity, class)"
     assert repr(Surfels(np.zeros((3, 3)))) == "Surfels(3 points)"

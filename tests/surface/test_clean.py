@@ -1,4 +1,4 @@
-"""Duplicates and strays: found, counted, and nothing else dropped."""
+"""Duplicates: found, counted, and nothing else dropped."""
 
 from __future__ import annotations
 
@@ -58,35 +58,3 @@ def test_too_few_places_show_no_surface(n):
 def test_nothing_is_dropped_without_duplicates():
     hood = Neighbourhoods.of(truth.sphere(500).points, np.arange(500))
     assert len(duplicate_rows(hood.points, None, hood.squared)) == 0
-
-
-@pytest.mark.parametrize("shape", [truth.sphere, truth.uneven_sphere, truth.box, truth.square, truth.crossing_squares])
-def test_a_surface_has_no_strays(shape):
-    cloud = shape(5000, 3)
-    assert cleaned(cloud.points / 4.0, None)[1]["strays"] == 0
-
-
-def _far_from(shape, count, seed):
-    """Return points that lie at least ten spacings, and up to two sizes, from the unit sphere or the torus."""
-    rng = np.random.default_rng(seed)
-    places = rng.uniform(-2.5, 2.5, (50 * count, 3))
-    away = np.array([np.linalg.norm(shape.points - place, axis=1).min() for place in places[: 4 * count]])
-    return places[: 4 * count][away > 10.0 * shape.spacing][:count]
-
-
-@pytest.mark.parametrize("count", [1, 5, 12])
-def test_strays_are_found_and_counted_within_a_fifth(count):
-    ball = truth.sphere(8000, 5)
-    strays = _far_from(ball, count, 6)
-    hood, counts = cleaned(np.concatenate([ball.points, strays]) / 4.0, None)
-    assert counts["strays"] == pytest.approx(count, rel=0.2)
-    assert (hood.rows < 8000).sum() == 8000
-
-
-@pytest.mark.xfail(reason="strays that lie nearer to each other than to the surface are not told from a sparse surface")
-@pytest.mark.parametrize("count", [20, 80, 200])
-def test_many_strays_are_found_and_counted_within_a_fifth(count):
-    ball = truth.sphere(8000, 5)
-    strays = _far_from(ball, count, 6)
-    _, counts = cleaned(np.concatenate([ball.points, strays]) / 4.0, None)
-    assert counts["strays"] == pytest.approx(count, rel=0.2)

@@ -25,11 +25,8 @@ from surfel.measuring.measurement import Measurement
 from surfel.shapes.base import Shape
 from surfel.shapes.cloud_surface import CloudSurface
 from surfel.shapes.mesh import Mesh
-from surfel.shapes.surfels import Surfels
-from surfel.surface.sampling_error import TOO_NOISY
-
-CLOSED_BELOW = 0.02
-"""A cloud is closed where a smaller share of the lines than this is odd."""
+from surfel.shapes.surfels import CLOSED_BELOW, Surfels
+from surfel.surface.sampling_error import HALVES_FROM, TOO_NOISY
 
 FEW_POINTS = 100
 """With fewer points no interval is called reliable."""
@@ -190,13 +187,24 @@ def _area_of_cloud(surface: CloudSurface, counted: LineResult | None) -> Estimat
     if counted is not None:
         value, error = float(counted.area.value), float(combine_errors(error, counted.area.standard_error))
     reasons = []
-    if len(local.areas) < FEW_POINTS:
-        reasons.append(f"only {len(local.areas)} points")
+    points = len(local.areas)
+    if points < FEW_POINTS:
+        reasons.append(f"only {points} points")
+    elif points < HALVES_FROM:
+        reasons.append(f"{points} points are too few to be halved, which tells how well they sample the shape")
     if local.noise > TOO_NOISY:
         reasons.append(f"noise of {local.noise:.2f} spacings hides the surface")
-    if error * 1.96 > 0.25 * value:
-        reasons.append("the sampling is too coarse for the shape: halving it changes the area a lot")
+    if points >= HALVES_FROM and error * 1.96 > 0.25 * value:
+        reasons.append(f"the sampling is too coarse for the shape: {_coarse(surface)}")
     return Estimate(value, error, reliable=not reasons, reason="; ".join(reasons))
+
+
+def _coarse(surface: CloudSurface) -> str:
+    """Say what tells that the points lie too far apart."""
+    _, sampling = surface.known
+    if sampling.thinning + sampling.halves > math.hypot(sampling.border, sampling.roughness, sampling.noise):
+        return "halving it changes the area a lot"
+    return "the surface is rough or ragged at the distance of the points"
 
 
 def _solid_of_cloud(

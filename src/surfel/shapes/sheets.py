@@ -177,7 +177,7 @@ def _merge_all(
             total, mass, place, slope, area = share[i], share[i], share[i] * t[i], share[i] * cosine[i], weight[i]
             back = i
             for j in range(i + 1, end):
-                if total > 0.99 and share[j] > 0.99 or t[j] - t[back] > min(gap[j], gap[back]):
+                if (total > 0.99 and share[j] > 0.99) or t[j] - t[back] > min(gap[j], gap[back]):
                     break
                 if taken[j - begin] or not _one_sheet(back, j, cosine, normal):
                     continue

@@ -20,6 +20,9 @@ from surfel.shapes.base import Shape, as_affine
 if TYPE_CHECKING:
     from surfel.shapes.cloud_surface import CloudSurface
 
+CLOSED_BELOW = 0.02
+"""A cloud is closed where a smaller share of the lines that hit than this is odd."""
+
 
 class Surfels(Shape):
     """A cloud of surface elements: points, and what is known at each of them.
@@ -37,7 +40,7 @@ class Surfels(Shape):
     radii : array_like, shape (n,), optional
         Radii of the surfels.
     colors : array_like, shape (n, 3) or (n, 4), optional
-        Colors, 0 to 255 in integers or 0 to 1 in floats; the type is kept.
+        Colors, 0 to 255 in integers (16-bit words: to 65535) or 0 to 1 in floats; the type is kept.
     attributes : mapping of str to array_like of n rows, optional
         Any further values by name (intensity, classification, ...).
     solid : bool, optional
@@ -200,19 +203,25 @@ class Surfels(Shape):
         )
 
     def __add__(self, other: Surfels) -> Surfels:
-        """Concatenate two clouds; what only one of them knows (colors, radii, an attribute) is left out."""
+        """Concatenate two clouds; what only one of them knows (colors, radii, an attribute) is left out.
+
+        Colors of one scale stay as they are. Of different scales (floats to 1, 16-bit words to 65535, other integers to
+        255) they become floats of 0 to 1. An attribute that is text here and numbers there is left out.
+        """
         if not isinstance(other, Surfels):
             return NotImplemented
 
         def joined(a: NDArray[Any] | None, b: NDArray[Any] | None) -> NDArray[Any] | None:
-            return None if a is None or b is None or a.shape[1:] != b.shape[1:] else np.concatenate([a, b])
+            if a is None or b is None or a.shape[1:] != b.shape[1:] or (a.dtype.kind in "US") != (b.dtype.kind in "US"):
+                return None
+            return np.concatenate([a, b])
 
         both = {k: joined(v, other.attributes.get(k)) for k, v in self._attributes.items()}
         return Surfels(
             np.concatenate([self._points, other.points]),
             joined(self._normals, other.normals),
             joined(self._radii, other.radii),
-            joined(self._colors, other.colors),
+            joined(*_on_one_scale(self._colors, other.colors)),
             {k: v for k, v in both.items() if v is not None},
             self._solid if self._solid == other.solid else None,
         )
@@ -260,6 +269,14 @@ class Surfels(Shape):
         return self.surface.patches
 
     def _contains(self, points: Floats) -> NDArray[np.bool_]:
+        """Answer for a solid: one that was said to be one, or whose leak share tells so."""
+        if self._solid is False:
+            raise InputError("a cloud that was said to be a sheet (solid=False) has no inside; leave that out")
+        if self._solid is None and len(points) and self.surface.leak >= CLOSED_BELOW:
+            raise InputError(
+                f"the cloud is open: {self.surface.leak:.1%} of the lines that hit pass an odd number of sheets, so it "
+                "has no inside; if it bounds a solid all the same, say so (with_solid(True))"
+            )
         return self.surface.contains(points)
 
 
@@ -285,6 +302,20 @@ def _unit_with_care(normals: Floats, done: NDArray[np.bool_]) -> Floats:
     length = np.sqrt(np.einsum("ij,ij->i", scaled, scaled))[:, None]
     unit = np.divide(scaled, length, out=np.zeros_like(scaled), where=length > 0.0)
     return np.asarray(np.where(done[:, None], normals, unit))
+
+
+def _on_one_scale(a: NDArray[Any] | None, b: NDArray[Any] | None) -> tuple[NDArray[Any] | None, NDArray[Any] | None]:
+    """Return colors of one scale as they are, of different scales as floats of 0 to 1."""
+    if a is None or b is None or _full(a) == _full(b):
+        return a, b
+    return a / _full(a), b / _full(b)
+
+
+def _full(colors: NDArray[Any]) -> float:
+    """Return what stands for full brightness."""
+    if colors.dtype == np.uint16:
+        return 65535.0
+    return 255.0 if colors.dtype.kind in "iu" else 1.0
 
 
 def _radii(value: ArrayLike, rows: int) -> Floats:

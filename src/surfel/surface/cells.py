@@ -236,10 +236,10 @@ def _clip_all(
                 tilts += 1
             second = edge[d]
             inside = False
-            if second >= 0 and px[d] * px[d] + py[d] * py[d] <= cap2:
-                if u[first] * v[second] - v[first] * u[second] > 1e-9 * h * h:
-                    inside = True
-                    total += 0.25 * (u[first] * py[d] - v[first] * px[d] + px[d] * v[second] - py[d] * u[second])
+            near_corner = second >= 0 and px[d] * px[d] + py[d] * py[d] <= cap2
+            if near_corner and u[first] * v[second] - v[first] * u[second] > 1e-9 * h * h:
+                inside = True
+                total += 0.25 * (u[first] * py[d] - v[first] * px[d] + px[d] * v[second] - py[d] * u[second])
             if sides <= star.shape[1]:
                 star[i, sides - 1] = who[first]
                 if inside:
@@ -265,9 +265,9 @@ def _clip_all(
 
 @kernel
 def _cut(px, py, edge, base, corners, target, u, v, q, label):
-    """Clip the convex polygon at ``base`` by the half-plane p . (u, v) <= q, write it at ``target``; return its corners.
+    """Clip the convex polygon at ``base`` by the half-plane p . (u, v) <= q and write it at ``target``.
 
-    0 stands for a polygon of too many corners; it is then left as it is.
+    Returns the number of its corners. 0 stands for a polygon of too many corners; it is then left as it is.
     """
     count = target
     x, y = px[base], py[base]

@@ -94,7 +94,7 @@ def _votes_for(star, joined, i, j, k):
         if first < 0:
             return False
         if (first == j or first == k) and (joined[i] >> c) & 1:  # noqa: SIM109
-            second = _next(star, i, c)
+            second = _next(star, np.int64(i), c)
             if (first == j and second == k) or (first == k and second == j):
                 return True
     return False

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from surfel.core.cast import Floats
 from surfel.index.neighbours import PointIndex
-from surfel.surface.clean import duplicate_rows, stray_rows
+from surfel.surface.clean import duplicate_rows
 from surfel.surface.spacing import local_spacing, regularity
+from surfel.surface.strays import stray_rows
 
 NEAR = 24
 """How many neighbours are kept with each point; they settle most cells."""
@@ -93,7 +94,7 @@ def cleaned(points: Floats, normals: Floats | None) -> tuple[Neighbourhoods | No
         return None, counts
     if len(doubled):
         hood = hood.subset(np.delete(np.arange(len(hood)), doubled))
-    strays = stray_rows(hood.squared, hood.near)
+    strays = stray_rows(hood.points, hood.squared, hood.near)
     counts["strays"] = len(strays)
     if len(strays):
         hood = hood.subset(np.delete(np.arange(len(hood)), strays))

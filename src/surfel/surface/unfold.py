@@ -84,8 +84,9 @@ def far_side(x, y, z, count, h, gx, gy, gz, cx, cy, cz, line, where, proof):
 def over_edge(points, normals, near, flat, i, j, h, px, py, pz, count, proof):
     """Unfold neighbour j of point i, whose normals differ, over the line in which their planes meet.
 
-    px, py, pz hold the offsets of ``count`` neighbours that share the plane of i. Returns (verdict, x, y, z): 0 where j is no neighbour on the surface, 1 where it is but not over a flat edge (it is
-    then laid out as on a smooth surface), 2 with the unfolded offset from i.
+    px, py, pz hold the offsets of ``count`` neighbours that share the plane of i. Returns (verdict, x, y, z): 0 where j
+    is no neighbour on the surface, 1 where it is but not over a flat edge (it is then laid out as on a smooth surface),
+    2 with the unfolded offset from i.
     """
     dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
     ax, ay, az = normals[i, 0], normals[i, 1], normals[i, 2]
