@@ -1,4 +1,4 @@
-"""What is agreed before numba is imported, and without importing it: who is told of compilation, and how lean to start."""
+"""What is agreed before numba is imported, without importing it: who is told of compilation, how lean to start."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ FAR = 64
 
 FINE_RELIEF_GIVEN, FINE_RELIEF_FITTED = 0.75, 1.0
 """How much of the roughness that the normals show between points counts. Given normals show all of it, some of which
-the cells, unrolled over it, have already; normals fitted to the points are smoother (bunny, 5,000 to 100,000 points)."""
+the cells, unrolled over it, have already; normals fitted to the points are smoother (tuned on the bunny)."""
 
 _ROWS = 1 << 18  # wide neighbourhoods are looked up for so many points at a time, and never stored whole
 

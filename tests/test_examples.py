@@ -1,0 +1,39 @@
+"""The examples run, in a folder of their own, and what they print lies near the truth that they print beside it."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+import surfel
+
+FOLDER = Path(__file__).parents[1] / "examples"
+EXAMPLES = sorted(FOLDER.glob("*.py"))
+TOLD = re.compile(r"([\d.]+) \+- ([\d.]+), truth ([\d.]+)")
+LEAST_TOLD = {"01_measure_a_scan": 2, "02_sample_and_check": 8, "03_by_lines": 5}
+
+
+def test_the_examples_are_those_that_are_known_here():
+    assert [path.stem for path in EXAMPLES] == sorted(LEAST_TOLD)
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_it_runs_and_its_results_agree_with_the_truth(path, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(path), run_name="__main__")
+    told = [tuple(map(float, found)) for found in TOLD.findall(capsys.readouterr().out)]
+    assert len(told) >= LEAST_TOLD[path.stem]
+    for value, error, truth in told:
+        assert 0.0 < error < 0.01 * truth
+        assert abs(value - truth) < 3.0 * error
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_it_is_short_and_uses_public_names_only(path):
+    text = path.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 40
+    assert set(re.findall(r"\bsurfel\.(\w+)", text)) <= set(surfel.__all__)
+    assert set(re.findall(r"^(?:import|from) (\w+)", text, re.MULTILINE)) <= {"numpy", "surfel"}
