@@ -30,6 +30,8 @@ from typing import Any, TypeVar
 
 import numba
 from numba.core import event
+from numba.core.caching import FunctionCache
+from numba.core.registry import CPUDispatcher
 
 from surfel import _notice
 
@@ -82,7 +84,7 @@ def _source_stamp(module: str) -> str:
 
 
 def _compile_lazily(function: Callable[..., Any], **options: Any) -> Any:
-    dispatcher = numba.njit(error_model="numpy", **options)(function)
+    dispatcher = numba.njit(error_model="numpy", no_cfunc_wrapper=True, **options)(function)
     try:
         dispatcher.enable_caching()
         dispatcher._cache._cache_file._source_stamp = _source_stamp(function.__module__)
@@ -91,14 +93,39 @@ def _compile_lazily(function: Callable[..., Any], **options: Any) -> Any:
     return dispatcher
 
 
+def is_cached(function: Callable[..., Any]) -> bool:
+    """Tell whether what is compiled for a kernel is kept for other processes."""
+    dispatcher = getattr(function, "dispatcher", function)
+    return isinstance(getattr(dispatcher, "_cache", None), FunctionCache)
+
+
+class _ForKernels(CPUDispatcher):  # type: ignore[misc]
+    """A compiled function without an entry for Python: to call that would crash the process."""
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        raise TypeError(f"{self.py_func.__name__} is for kernels alone; from Python call its py_func")
+
+
+def _for_kernels(function: Function, **options: Any) -> Function:
+    dispatcher = _compile_lazily(function, no_cpython_wrapper=True, **options)
+    if not numba.config.DISABLE_JIT:
+        dispatcher.__class__ = _ForKernels
+    return dispatcher  # type: ignore[no-any-return]
+
+
 def kernel(function: Function) -> Function:
     """Compile a serial kernel, callable from Python and from other kernels."""
     return _compile_lazily(function)  # type: ignore[no-any-return]
 
 
+def inner(function: Function) -> Function:
+    """Compile a kernel that only other kernels call: without an entry for Python, which costs as much again."""
+    return _for_kernels(function)
+
+
 def inlined(function: Function) -> Function:
-    """Compile a small scalar kernel that LLVM is asked to inline wherever it is called."""
-    return _compile_lazily(function, forceinline=True)  # type: ignore[no-any-return]
+    """Compile a small scalar kernel that LLVM is asked to inline wherever it is called; only other kernels call it."""
+    return _for_kernels(function, forceinline=True)
 
 
 def fused(function: Function) -> Function:

@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     hook, sys.unraisablehook = sys.unraisablehook, _keep_interrupts
     if arguments is None:
-        _start_lean()
+        start_lean()
     try:
         code = _run(sys.argv[1:] if arguments is None else list(arguments))
         sys.stdout.flush()
@@ -68,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.unraisablehook = hook
 
 
-def _start_lean() -> None:
+def start_lean() -> None:
     """Prepare a process of our own for a short life: imports make much garbage-collector work and no garbage."""
     gc.set_threshold(200_000, 20, 20)
     _notice.own_process = True

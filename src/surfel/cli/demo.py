@@ -40,7 +40,7 @@ def demo(
 
     seed = as_seed(seed)
     part = BoredBlock()
-    with Output(as_json, quiet) as output:
+    with Output(as_json, quiet, measures=True) as output:
         path = _write_once(surfel.Surfels(*part.sample(POINTS, seed)), Path(folder))
         with output.work() as progress:
             result = surfel.measure(surfel.read(path), seed=seed, progress=progress)

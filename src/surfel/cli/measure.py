@@ -56,7 +56,7 @@ def measure(
 
     import surfel
 
-    with Output(as_json, quiet) as output:
+    with Output(as_json, quiet, measures=True) as output:
         with output.work() as progress:
             shape = _with_solid(surfel.read(file, as_=form), solid)
             result = surfel.measure(

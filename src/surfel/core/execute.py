@@ -23,7 +23,7 @@ class Policy(Protocol):
 
 
 class InProcess:
-    """One block after another; the kernels inside use numba's threads."""
+    """One block after another; the kernels inside use threads of their own."""
 
     def map(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Any]:
         """Apply ``function`` to each task in turn."""

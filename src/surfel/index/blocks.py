@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import inlined, kernel, rows, threads_for
+from surfel._numba import inlined, inner, kernel, rows, threads_for
 from surfel.core.cast import Floats
 from surfel.index.simd import children_within
 
@@ -114,7 +114,7 @@ def collect(nodes, levels, lx, ly, lz, hx, hy, hz, square, found, spare):
     return count
 
 
-@kernel
+@inner
 def gather_group(places, order, first, stop, side):
     """Return how many of the next places fit a box of the given side, at least one, and that box."""
     row = order[first]

@@ -52,10 +52,10 @@ def trace(
             for axis in range(3):
                 local[i, axis], local[i, 3 + axis] = origins[lines[i], axis], directions[lines[i], axis]
         tail = _prepare(tree, local, len(lines), exact, near, sides, nodes, of_nodes)
-        head, hits = 0, 0
+        head, hits = np.int64(0), np.int64(0)  # not literals, for which numba would compile what is called once more
         while head < tail:
             head, tail, found = _descend(tree, near, sides, nodes, of_nodes, head, tail, leaves, of_leaves)
-            doubtful = 0
+            doubtful = np.int64(0)
             for k in range(found):
                 leaf, line = leaves[k], of_leaves[k]
                 axes = sides[line, 6], sides[line, 7], sides[line, 4]
@@ -66,7 +66,7 @@ def trace(
                     count[line] += COUNT_OF[sure]
                     mask ^= sure
                 append_same(of_doubts, doubtful, line)
-                doubtful = append(doubts, doubtful, leaf * LANES, mask & 255)
+                doubtful = append(doubts, doubtful, np.int32(leaf * LANES), mask & 255)
             for k in range(doubtful):
                 i, line = doubts[k], of_doubts[k]
                 axes = sides[line, 6] // LANES, sides[line, 7] // LANES, sides[line, 4] // LANES
@@ -158,7 +158,7 @@ def _prepare(tree, lines, count, exact, near, sides, nodes, of_nodes):
 @inlined
 def _descend(tree, near, sides, nodes, of_nodes, head, tail, leaves, of_leaves):
     """Replace nodes of the queue by their children, until it is empty or there are enough leaves."""
-    found = 0
+    found = np.int64(0)
     while head < tail and found < _LEAVES:
         if tail >= _QUEUE and head >= _QUEUE // 2:
             for k in range(tail - head):

@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import inlined, kernel, rows, threads_for
+from surfel._numba import inlined, inner, rows, threads_for
 from surfel.core.cast import Floats
 from surfel.index.blocks import BLOCK, WIDTH, Blocks, collect, gather_group
 from surfel.index.nearest import STACK, insert, nearest
@@ -120,7 +120,7 @@ def _search_chunks(first, last, points, nodes, levels, places, order, own, squar
         reach = math.sqrt(largest)
 
 
-@kernel
+@inner
 def _search_alone(points, nodes, levels, places, order, own, i, squares, neighbours, stack, bounds):
     row = order[i]
     x, y, z = places[row, 0], places[row, 1], places[row, 2]
@@ -195,7 +195,7 @@ def _finish(points, found, ordered, count, mask, x, y, z, own, exact, near, squa
         neighbours[target, j] = near[j]
 
 
-@kernel
+@inner
 def _tighten(keys, kept, need):
     """Keep only what may be among the nearest; on a surface the count grows like the squared radius."""
     limit = _ONE

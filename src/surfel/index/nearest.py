@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from surfel._numba import inlined, kernel
+from surfel._numba import inlined, inner
 from surfel.index.blocks import BLOCK, WIDTH
 
 STACK = 256  # eight entries a level; 2**31 points have ten levels
 
 
-@kernel
+@inner
 def nearest(points, nodes, levels, x, y, z, own, squares, rows, stack, bounds):
     """Fill ``squares`` and ``rows`` with the nearest rows other than ``own``, ascending; return the largest square.
 

@@ -16,7 +16,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from surfel._numba import inlined, kernel
+from surfel._numba import inlined, inner
 
 LANES = 16
 RUN = 128
@@ -96,7 +96,7 @@ def sort_keys(keys, count, spare, ordered):
         _sort_runs(keys, count, spare, ordered)
 
 
-@kernel
+@inner
 def _sort_runs(keys, count, spare, ordered):
     """Sort runs of 128 in registers, then merge pairs of runs until one is left."""
     length = -(-count // RUN) * RUN

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import kernel, rows, threads_for
+from surfel._numba import inner, rows, threads_for
 from surfel.core.cast import Floats
 from surfel.core.crossings import Crossings
 from surfel.core.lines import Lines
@@ -153,7 +153,7 @@ def _bend(
             t[k] += max(-h, min(h, height / along))
 
 
-@kernel
+@inner
 def _one_sheet(a, b, cosine, normal):
     """Tell whether hits a and b of a line may lie on one sheet: their planes are alike, and passed the same way."""
     c = normal[a, 0] * normal[b, 0] + normal[a, 1] * normal[b, 1] + normal[a, 2] * normal[b, 2]

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import kernel, rows, threads_for
+from surfel._numba import inner, kernel, rows, threads_for
 from surfel.core.cast import Floats
 
 CELLS = 12
@@ -112,7 +112,7 @@ def is_covered(u, v, count, x, y, cap2):
     return True
 
 
-@kernel
+@inner
 def _holds_origin(ax, ay, bx, by, cx, cy):
     s, t, w = ax * by - ay * bx, bx * cy - by * cx, cx * ay - cy * ax
     eps = 1e-15 * (abs(ax) + abs(ay) + abs(bx) + abs(by)) * (abs(cx) + abs(cy))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import kernel, rows, threads_for
+from surfel._numba import inner, kernel, rows, threads_for
 from surfel._vec import tangent_frame
 from surfel.core.cast import Floats
 
@@ -78,7 +78,7 @@ def build_fans(
     )
 
 
-@kernel
+@inner
 def _next(star, i, c):
     """Return the neighbour after the c-th round cell i."""
     if c + 1 < star.shape[1] and star[i, c + 1] >= 0:
@@ -86,7 +86,7 @@ def _next(star, i, c):
     return star[i, 0]
 
 
-@kernel
+@inner
 def _votes_for(star, joined, i, j, k):
     """Tell whether the star of point i has the triangle (i, j, k), in either sense of rotation."""
     for c in range(star.shape[1]):

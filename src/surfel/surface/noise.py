@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import kernel, rows
+from surfel._numba import inner, rows
 from surfel._vec import tangent_frame
 from surfel.core.cast import Floats
 from surfel.surface.planes import plane_of_neighbours, solve_spd
@@ -140,7 +140,7 @@ def _quadric_residuals(first, last, points, chosen, neighbours, small, residual)
         residual[row, 2] = off * math.sqrt(7.0 / 4.0) / h
 
 
-@kernel
+@inner
 def _quadric_residual(points, i, neighbours, row, k, f, matrix, right):
     """Fit a height quadric over the plane of point i and its first k neighbours; return its unbiased residual."""
     nx, ny, nz, _, cx, cy, cz = plane_of_neighbours(points, i, neighbours, row, k)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from surfel._numba import kernel
+from surfel._numba import inner, kernel
 
 
 @kernel
@@ -37,7 +37,7 @@ def smallest_eigenpair(xx, xy, xz, yy, yz, zz):
     return max(low, 0.0), ux * s, uy * s, uz * s
 
 
-@kernel
+@inner
 def _across_the_line(xx, xy, xz, yy, yz, zz, low):
     """Two small eigenvalues agree (points on a line): return a unit vector across the line."""
     dx, dy, dz = xx - low, xy, xz
