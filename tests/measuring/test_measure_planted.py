@@ -113,3 +113,12 @@ def test_spacing():
     for n in (2000, 8000):
         cloud = truth.sphere(n, 5)
         assert _measured(cloud.points, lines=16).spacing == pytest.approx(cloud.spacing, rel=0.1)
+
+
+def test_plates_nearer_than_the_spacing_are_said_to_be_two():
+    rng = np.random.default_rng(5)
+    flat = np.column_stack([rng.random((6000, 2)), np.zeros(6000)])
+    flat[3000:, 2] = 0.5 * np.sqrt(1.0 / 3000)
+    found = surfel.measure(surfel.Surfels(flat), lines=1024).area
+    assert not found.reliable
+    assert "two sheets" in found.reason

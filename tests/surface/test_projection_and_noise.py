@@ -10,7 +10,7 @@ import shapes_with_truth as truth
 from surfel.index.neighbours import PointIndex
 from surfel.surface.denoise import denoise, fit_width
 from surfel.surface.neighbourhoods import Neighbourhoods
-from surfel.surface.noise import axial_ranks, noise_level, sample_rows
+from surfel.surface.noise import axial_ranks, is_two_sheets, noise_level, sample_rows
 from surfel.surface.projection import project
 
 
@@ -102,3 +102,27 @@ def test_chosen_rows_are_the_same_places_after_permutation_and_rotation():
     assert len(set(rows)) == 60
     assert sorted(axial_ranks(points)) == list(range(500))
     assert sample_rows(points[:40], 60).tolist() == list(range(40))
+
+
+@pytest.mark.parametrize("level", [0.15, 0.3, 0.6])
+@pytest.mark.parametrize("kind", ["normal", "uniform"])
+def test_noise_is_not_taken_for_two_sheets(level, kind):
+    ball = truth.sphere(6000, 1)
+    h = np.sqrt(4.0 * np.pi / 6000)
+    rng = np.random.default_rng(3)
+    if kind == "normal":
+        off = rng.standard_normal(ball.points.shape)
+    else:
+        off = rng.uniform(-1.0, 1.0, ball.points.shape) * np.sqrt(3.0)
+    index = PointIndex(ball.points + level * h * off)
+    assert not is_two_sheets(index, noise_level(index))
+
+
+@pytest.mark.parametrize("gap", [0.3, 0.5, 0.7])
+def test_two_sheets_are_not_taken_for_noise(gap):
+    inner, outer = truth.sphere(4000, 1), truth.sphere(4000, 2)
+    h = np.sqrt(4.0 * np.pi / 4000)
+    index = PointIndex(np.concatenate([inner.points, outer.points * (1.0 + gap * h)]))
+    level = noise_level(index)
+    assert level > 0.12
+    assert is_two_sheets(index, level)

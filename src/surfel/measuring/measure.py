@@ -192,7 +192,12 @@ def _area_of_cloud(surface: CloudSurface, counted: LineResult | None) -> Estimat
         reasons.append(f"only {points} points")
     elif points < HALVES_FROM:
         reasons.append(f"{points} points are too few to be halved, which tells how well they sample the shape")
-    if local.noise > TOO_NOISY:
+    if surface.two_sheets:
+        reasons.append(
+            f"what reads as noise of {local.noise:.2f} spacings is two sheets nearer to each other than the points of "
+            "one: the area is that of about one of them"
+        )
+    elif local.noise > TOO_NOISY:
         reasons.append(f"noise of {local.noise:.2f} spacings hides the surface")
     if points >= HALVES_FROM and error * 1.96 > 0.25 * value:
         reasons.append(f"the sampling is too coarse for the shape: {_coarse(surface)}")

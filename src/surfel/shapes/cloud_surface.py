@@ -19,6 +19,7 @@ from surfel.lines.bundles import Bundles
 from surfel.shapes.sheets import CloudCrossings, crossings_of
 from surfel.surface.fans import STAR, Fans, build_fans
 from surfel.surface.neighbourhoods import Neighbourhoods, cleaned
+from surfel.surface.noise import is_two_sheets
 from surfel.surface.orient import Orientation, orient
 from surfel.surface.patches import LocalPatches, local_patches
 from surfel.surface.sampling_error import SamplingError, sampling_error
@@ -66,6 +67,12 @@ class CloudSurface:
     def noise(self) -> float:
         """Standard deviation of the points off the surface, in spacings; NaN where there is no surface."""
         return math.nan if self.local is None else self.local.noise
+
+    @property
+    def two_sheets(self) -> bool:
+        """Whether what reads as noise is two sheets of points nearer to each other than their spacing."""
+        hood, noise = self._cleaned[0], self.noise
+        return hood is not None and self._once("two_sheets", lambda: is_two_sheets(hood.index, noise))
 
     @property
     def spacing(self) -> float:

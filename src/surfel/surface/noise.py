@@ -13,6 +13,12 @@ from surfel._vec import tangent_frame
 from surfel.core.cast import Floats
 from surfel.surface.planes import plane_of_neighbours, solve_spd
 
+SHEETS_FROM = 0.12
+"""Noise, in spacings, from which it is asked whether the points form two sheets."""
+
+TWO_SHEETS_BELOW = 1.9
+"""Kurtosis of the residuals below which they do."""
+
 SAMPLE = 1500
 """How many points the level is estimated from."""
 
@@ -113,6 +119,28 @@ def noise_level(index: NeighbourSource) -> float:
     return flattest if level > 8.0 * flattest else level
 
 
+def is_two_sheets(index: NeighbourSource, level: float) -> bool:
+    """Tell whether what reads as noise is two sheets of points, nearer to each other than their spacing.
+
+    Off a surface fitted between two sheets the points lie at one distance to either side (kurtosis 1); noise lies
+    at all distances (normal noise: 3, a little less after the fit).
+
+    Parameters
+    ----------
+    index : NeighbourSource
+        Of the cloud before projection.
+    level : float
+        What :func:`noise_level` gave; below :data:`SHEETS_FROM` nothing is asked.
+    """
+    n = len(index.points)
+    if level < SHEETS_FROM or n <= 4 * 48:
+        return False
+    chosen = sample_rows(index.points, SAMPLE)
+    kurtosis = np.empty(len(chosen))
+    _kurtoses(len(chosen), index.points, chosen, index.knn(48, chosen)[1], kurtosis)
+    return bool(np.median(kurtosis) < TWO_SHEETS_BELOW)
+
+
 def _white_part(small: Floats, large: Floats) -> float:
     """Return the level of white noise that both residuals share, the second smallest over the quantiles."""
     growth = 3.0**1.5
@@ -170,3 +198,33 @@ def _quadric_residual(points, i, neighbours, row, k, f, matrix, right):
     for p in range(6):
         square -= right[p] * load[p]
     return math.sqrt(max(square, 0.0) / (k - 5))
+
+
+@rows
+def _kurtoses(first, last, points, chosen, neighbours, kurtosis):
+    """Write the kurtosis of the residuals of a quadric over each chosen point and its neighbours."""
+    k = neighbours.shape[1]
+    f, matrix, right = np.empty(6), np.empty((6, 6)), np.empty(6)
+    for row in range(first, last):
+        i = chosen[row]
+        _quadric_residual(points, i, neighbours, row, k, f, matrix, right)  # leaves its coefficients in ``right``
+        nx, ny, nz, _, cx, cy, cz = plane_of_neighbours(points, i, neighbours, row, k)
+        e = tangent_frame(nx, ny, nz)
+        last_one = neighbours[row, k - 1]
+        dx, dy, dz = (
+            points[last_one, 0] - points[i, 0],
+            points[last_one, 1] - points[i, 1],
+            points[last_one, 2] - points[i, 2],
+        )
+        scale = 1.0 / (math.sqrt(dx * dx + dy * dy + dz * dz) + 1e-300)
+        second = fourth = 0.0
+        for a in range(-1, k):
+            j = i if a < 0 else neighbours[row, a]
+            x, y, z = points[j, 0] - cx, points[j, 1] - cy, points[j, 2] - cz
+            u = (x * e[0] + y * e[1] + z * e[2]) * scale
+            v = (x * e[3] + y * e[4] + z * e[5]) * scale
+            fit = right[0] + right[1] * u + right[2] * v + right[3] * u * u + right[4] * u * v + right[5] * v * v
+            off = x * nx + y * ny + z * nz - fit
+            second += off * off
+            fourth += off * off * off * off
+        kurtosis[row] = (k + 1) * fourth / (second * second) if second > 0.0 else 3.0
