@@ -54,10 +54,11 @@ def denoise(hood: Neighbourhoods, noise: float) -> tuple[Neighbourhoods, Floats]
     normals = _wide_normals(hood, k, noise)
     for _ in range(1 if noise < 0.15 else 2):
         moved, turned = _project_all(hood, normals, k)
-        before = hood
-        hood = Neighbourhoods.of(moved + hood.index.origin, np.arange(len(hood)))
+        rows, moved = hood.rows, moved + hood.index.origin
+        del hood  # before the next one takes its place
+        hood = Neighbourhoods.of(moved, np.arange(len(rows)))
         normals = turned[hood.rows]
-        hood = replace(hood, rows=before.rows[hood.rows])
+        hood = replace(hood, rows=rows[hood.rows])
     return hood, normals
 
 

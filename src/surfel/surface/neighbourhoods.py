@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from surfel.core.cast import Floats
+from surfel.core.execute import blocks
 from surfel.index.neighbours import PointIndex
 from surfel.surface.clean import duplicate_rows
 from surfel.surface.spacing import local_spacing, regularity
@@ -16,6 +17,8 @@ from surfel.surface.strays import stray_rows
 
 NEAR = 24
 """How many neighbours are kept with each point; they settle most cells."""
+
+_ROWS = 1 << 18  # for so many points at a time are all distances looked up
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +31,8 @@ class Neighbourhoods:
         Of the points.
     rows : NDArray[np.int64], shape (n,)
         The row of the original cloud that each row of the index stands for.
-    squared : Floats, shape (n, k)
-        Squared distances to the nearest neighbours, ascending.
+    squared : Floats, shape (n, c)
+        Squared distances to the nearest of them, ascending; to all of them only while a cloud is cleaned.
     near : NDArray[np.int32], shape (n, k)
         Their rows in the index.
     spacing : Floats, shape (n,)
@@ -43,11 +46,22 @@ class Neighbourhoods:
     spacing: Floats
 
     @classmethod
-    def of(cls, points: Floats, rows: NDArray[np.int64]) -> Neighbourhoods:
-        """Index the points, at least two of them; ``rows`` says which row of the original cloud each is."""
+    def of(cls, points: Floats, rows: NDArray[np.int64], columns: int = 1) -> Neighbourhoods:
+        """Index the points, at least two of them; ``rows`` says which row of the original cloud each is.
+
+        Distances are looked up in blocks, and no more than ``columns`` of them are kept with each point: all of them
+        would be most of the memory of a large cloud.
+        """
         index = PointIndex(points)
-        squared, near = index.knn(min(NEAR, len(points) - 1))
-        return cls(index, rows[index.order], squared, near, local_spacing(squared))
+        n, k = len(points), min(NEAR, len(points) - 1)
+        near, squared, spacing = np.empty((n, k), np.int32), np.empty((n, min(columns, k))), np.empty(n)
+        room = np.empty((min(n, _ROWS), k))
+        for start, stop in blocks(n, _ROWS):
+            found = room[: stop - start]
+            index.knn(k, np.arange(start, stop, dtype=np.int32), out=(found, near[start:stop]))
+            squared[start:stop] = found[:, :columns]
+            spacing[start:stop] = local_spacing(found)
+        return cls(index, rows[index.order], squared, near, spacing)
 
     @property
     def points(self) -> Floats:
@@ -59,9 +73,13 @@ class Neighbourhoods:
         """How regularly the points lie: 0.5 at random, 0.8 blue noise, 1 on a grid."""
         return regularity(self.squared, self.spacing)
 
-    def subset(self, chosen: NDArray[np.int64]) -> Neighbourhoods:
+    def subset(self, chosen: NDArray[np.int64], columns: int = 1) -> Neighbourhoods:
         """Index some of the points anew."""
-        return Neighbourhoods.of(self.points[chosen] + self.index.origin, self.rows[chosen])
+        return Neighbourhoods.of(self.points[chosen] + self.index.origin, self.rows[chosen], columns)
+
+    def slim(self) -> Neighbourhoods:
+        """Return the same with the distance to the nearest neighbour alone."""
+        return replace(self, squared=self.squared[:, :1].copy())
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -87,15 +105,15 @@ def cleaned(points: Floats, normals: Floats | None) -> tuple[Neighbourhoods | No
     counts = {"duplicates": 0, "strays": 0}
     if len(points) < 2:
         return None, counts
-    hood = Neighbourhoods.of(points, np.arange(len(points)))
+    hood = Neighbourhoods.of(points, np.arange(len(points)), NEAR)
     doubled = duplicate_rows(hood.points, None if normals is None else normals[hood.rows], hood.squared)
     counts["duplicates"] = len(doubled)
     if len(points) - len(doubled) < 4:
         return None, counts
     if len(doubled):
-        hood = hood.subset(np.delete(np.arange(len(hood)), doubled))
+        hood = hood.subset(np.delete(np.arange(len(hood)), doubled), NEAR)
     strays = stray_rows(hood.points, hood.squared, hood.near)
     counts["strays"] = len(strays)
     if len(strays):
         hood = hood.subset(np.delete(np.arange(len(hood)), strays))
-    return hood, counts
+    return hood.slim(), counts
