@@ -122,3 +122,18 @@ def test_plates_nearer_than_the_spacing_are_said_to_be_two():
     found = surfel.measure(surfel.Surfels(flat), lines=1024).area
     assert not found.reliable
     assert "two sheets" in found.reason
+
+
+def test_ambiguous_signs_are_told_and_sure_ones_are_not():
+    rng = np.random.default_rng(6)
+    angle, across = rng.uniform(0.0, 2.0 * np.pi, 6000), rng.uniform(-0.4, 0.4, 6000)
+    out = 1.0 + across * np.cos(0.5 * angle)  # a Moebius strip has no outside
+    strip = np.column_stack([out * np.cos(angle), out * np.sin(angle), across * np.sin(0.5 * angle)])
+    surface = surfel.Surfels(strip).surface
+    assert surface.ambiguous_signs == 0.0  # nobody has asked for signs yet
+    conflict = surface.orientation.conflict
+    assert conflict > 0.0
+    sphere = surfel.measure(surfel.Surfels(truth.sphere(3000, 1).points), lines=1024)
+    assert not any("ambiguous" in text for text in sphere.warnings)
+    box = rng.standard_normal((3000, 3))  # a cloud without a surface
+    assert any("ambiguous" in text for text in surfel.measure(surfel.Surfels(box), lines=1024).warnings)

@@ -173,6 +173,11 @@ def _measure_cloud(
         )
     elif cloud.solid is not False and math.isnan(found.leak):
         warnings.append(f"no volume: none of {found.lines:,} lines hit the surface; cast more")
+    if surface.ambiguous_signs:
+        warnings.append(
+            f"the signs of the normals are ambiguous: {surface.ambiguous_signs:.1%} of the neighbours contradict each "
+            "other; areas and volumes do not depend on them, in and out along a line do"
+        )
     if surface.noise > 0.1:
         warnings.append(f"the points lie off the surface by {surface.noise:.2f} spacings; they were projected onto it")
     warnings.extend(cleaned)

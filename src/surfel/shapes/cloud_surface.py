@@ -109,6 +109,13 @@ class CloudSurface:
         return self._once("patches", self._all_patches)
 
     @property
+    def ambiguous_signs(self) -> float:
+        """Share of neighbours whose propagated signs contradict each other; 0 where few do or none were propagated."""
+        with self._lock:
+            found: Orientation | None = self._known.get("orientation")
+        return found.conflict if found is not None and found.ambiguous else 0.0
+
+    @property
     def orientation(self) -> Orientation:
         """Signs for the normals, in the order of the index."""
         local = self._surface()
