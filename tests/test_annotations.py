@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-COMPILED = {"kernel", "inner", "inlined", "fused", "rows", "parallel", "intrinsic", "overload", "njit"}
+COMPILED = {"kernel", "inner", "inlined", "rows", "intrinsic", "overload", "njit"}
 
 
 def module_of(path: Path) -> str:

@@ -128,11 +128,6 @@ def inlined(function: Function) -> Function:
     return _for_kernels(function, forceinline=True)
 
 
-def fused(function: Function) -> Function:
-    """Compile a serial kernel that may contract ``a * b + c`` into one rounding; never for predicates or bounds."""
-    return _compile_lazily(function, fastmath={"contract"})  # type: ignore[no-any-return]
-
-
 def rows(function: Callable[..., None]) -> Callable[..., None]:
     """Compile a kernel ``f(first, last, ...)`` over a run of items, to be called as ``f(count, ...)``.
 

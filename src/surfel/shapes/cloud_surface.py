@@ -98,9 +98,8 @@ class CloudSurface:
     @property
     def known(self) -> tuple[LocalPatches, SamplingError]:
         """The local patches and the error of their area; an InputError where there is no surface."""
-        local, error = self.local, self.error
-        if local is None or error is None:
-            raise InputError(f"{self._count} points show no surface; at least four distinct ones are needed")
+        local, error = self._surface(), self.error
+        assert error is not None  # there is one wherever there are patches
         return local, error
 
     @property
@@ -164,7 +163,10 @@ class CloudSurface:
         return self._once("cleaned", lambda: cleaned(self._points, self._given))
 
     def _surface(self) -> LocalPatches:
-        return self.known[0]
+        local = self.local
+        if local is None:
+            raise InputError(f"{self._count} points show no surface; at least four distinct ones are needed")
+        return local
 
     def _all_patches(self) -> Patches:
         points, normals, areas = self._points.copy(), np.zeros_like(self._points), np.zeros(self._count)
