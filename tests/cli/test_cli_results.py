@@ -178,8 +178,12 @@ def test_the_picture_is_written_whole(calls, tmp_path, capsys, monkeypatch):
 
 def test_info_and_convert_print_what_they_are_told(monkeypatch, capsys):
     facts = {"format": "ply", "points": 12_345, "normals": True, "bounds": np.array([[0.0, 0, 0], [1, 2, np.inf]])}
-    monkeypatch.setitem(surfel.__dict__, "info", lambda path, full=False: facts | ({"duplicates": 3} if full else {}))
-    monkeypatch.setitem(surfel.__dict__, "convert", lambda a, b, as_=None: {"points": 5, "lost": ["colors"], "as": as_})
+    monkeypatch.setitem(
+        surfel.__dict__, "info", lambda path, full=False, progress=None: facts | ({"duplicates": 3} if full else {})
+    )
+    monkeypatch.setitem(
+        surfel.__dict__, "convert", lambda a, b, as_=None, **_: {"points": 5, "lost": ["colors"], "as": as_}
+    )
     assert main(["info", "scan.ply", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["bounds"] == [[0.0, 0.0, 0.0], [1.0, 2.0, None]]
     assert main(["info", "scan.ply", "--full"]) == 0

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import signal
 import stat
 import subprocess
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -79,7 +82,7 @@ import numpy as np, surfel.io
 resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
 try:
     surfel.io.write(sys.argv[1], np.zeros((100_000, 3)))
-except surfel.io.doors.InputError as error:
+except surfel.core.errors.InputError as error:
     print("refused:", error)
 """
     target = tmp_path / "a.ply"
@@ -114,24 +117,99 @@ def test_folder_and_file_that_may_not_be_written(tmp_path):
     os.chmod(tmp_path, 0o755)
 
 
-def test_ctrl_c_in_the_middle_of_writing_a_cloud(tmp_path, monkeypatch):
-    import surfel.io.ply as ply
+@pytest.mark.parametrize("suffix", ["ply", "pcd", "xyz", "npz", "las", "obj"])
+@pytest.mark.parametrize("failure", [KeyboardInterrupt, OSError(28, "No space left on device"), MemoryError])
+def test_an_end_in_the_middle_of_writing_a_cloud(tmp_path, monkeypatch, suffix, failure):
+    import surfel.io.doors as doors
+    from surfel.io.atomic import replacing as honest
 
-    target = tmp_path / "a.ply"
+    target = tmp_path / f"a.{suffix}"
     target.write_bytes(b"old")
-    calls = []
+    written = []
 
-    def interrupted(stream, block, ascii):
-        calls.append(len(block))
-        stream.write(block.tobytes())
-        if len(calls) == 2:
-            raise KeyboardInterrupt
+    class Failing:
+        def __init__(self, stream) -> None:
+            self._stream = stream
 
-    monkeypatch.setattr(ply, "_write_block", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        surfel.io.write(target, np.zeros((300_000, 3)))
-    assert len(calls) == 2
-    only_old(tmp_path, "a.ply")
+        def write(self, data) -> int:
+            written.append(memoryview(data).nbytes)
+            if sum(written) > 20_000:
+                raise failure
+            return self._stream.write(data)
+
+        def __getattr__(self, name):
+            return getattr(self._stream, name)
+
+    @contextlib.contextmanager
+    def failing(path):
+        with honest(path) as stream:
+            yield Failing(stream)
+
+    monkeypatch.setattr(doors, "replacing", failing)
+    expected = InputError if isinstance(failure, OSError) else failure
+    with pytest.raises(expected):
+        surfel.io.write(target, np.random.default_rng(0).random((30_000, 3)))
+    assert sum(written) > 20_000
+    only_old(tmp_path, target.name)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGINT") or sys.platform == "win32", reason="needs signals")
+def test_ctrl_c_while_a_process_converts(tmp_path):
+    """A real signal, sent when the temporary file has grown."""
+    surfel.io.write(tmp_path / "a.ply", np.random.default_rng(0).random((400_000, 3)))
+    (tmp_path / "b.xyz").write_bytes(b"old")
+    program = "import sys, surfel; print('on', flush=True); surfel.convert(sys.argv[1], sys.argv[2])"
+    command = [sys.executable, "-c", program, str(tmp_path / "a.ply"), str(tmp_path / "b.xyz")]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        parts = [p for p in tmp_path.iterdir() if p.suffix == ".part"]
+        if parts and parts[0].stat().st_size > 100_000:
+            break
+        time.sleep(0.005)
+    child.send_signal(signal.SIGINT)
+    assert child.wait(60) != 0
+    assert sorted(os.listdir(tmp_path)) == ["a.ply", "b.xyz"] and (tmp_path / "b.xyz").read_bytes() == b"old"
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is always full")
+def test_a_device_that_is_full():
+    with pytest.raises(InputError, match="No space left"):
+        surfel.io.write("/dev/full", np.zeros((10, 3)), to="ply")
+
+
+def test_names_of_any_kind(tmp_path):
+    for name in ("with spaces in it.ply", "-.ply", "\u00fcml\u00e4ut \u6f22\u5b57 \U0001f40e.ply",
+                 "'quotes\" & $HOME;.ply", "x" * 251 + ".ply"):  # fmt: skip
+        surfel.io.write(tmp_path / name, np.eye(3))
+        assert len(surfel.io.read(tmp_path / name)) == 3
+        assert surfel.io.info(str(tmp_path / name))["points"] == 3
+        surfel.io.convert(tmp_path / name, tmp_path / "copy.xyz")
+    long = str(tmp_path / ("x" * 4092 + ".ply"))
+    for attempt in (lambda: surfel.io.write(long, np.eye(3)), lambda: surfel.io.read(long),
+                    lambda: surfel.io.info(long), lambda: surfel.io.open(long),
+                    lambda: surfel.io.convert(tmp_path / "copy.xyz", long)):  # fmt: skip
+        with pytest.raises(InputError, match="too long"):
+            attempt()
+
+
+def test_two_processes_write_the_same_target(tmp_path):
+    program = """
+import sys, numpy as np, surfel
+value = float(sys.argv[2])
+for _ in range(15):
+    surfel.write(sys.argv[1], np.full((3000 + int(value), 3), value))
+"""
+    target = tmp_path / "a.ply"
+    children = [subprocess.Popen([sys.executable, "-c", program, str(target), str(v)]) for v in (1, 2)]
+    seen = 0
+    while any(child.poll() is None for child in children):
+        if target.exists():
+            points = surfel.io.read(target).points  # whole at every moment
+            assert len(points) == 3000 + points[0, 0] and (points == points[0, 0]).all()
+            seen += 1
+    assert all(child.returncode == 0 for child in children) and seen
+    assert os.listdir(tmp_path) == ["a.ply"]
 
 
 def test_two_writers_of_one_target(tmp_path):

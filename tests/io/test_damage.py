@@ -12,7 +12,7 @@ import pytest
 
 import surfel.io
 from surfel.core.errors import FileFormatError, InputError
-from surfel.io.doors import load_content
+from surfel.io.loading import load_content
 from surfel.io.source import Source
 
 NAMES = [

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 import secrets
+import shutil
 import stat
-from collections.abc import Iterator
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
@@ -13,24 +16,26 @@ from typing import BinaryIO
 
 from surfel.core.errors import InputError
 
+_IN_MEMORY = 1 << 26
+
 
 @contextmanager
 def replacing(path: str | PathLike[str]) -> Iterator[BinaryIO]:
     """Open a temporary file beside ``path`` for binary writing and rename it over ``path`` when the block succeeds.
 
     Whatever ends the block early (an error, a full disk, Ctrl-C) removes the temporary file and leaves an old file as
-    it was. The permissions of an old file are kept, a symbolic link is followed, and a device or a pipe is written
-    directly, because it cannot be replaced.
+    it was. The permissions of an old file are kept and a symbolic link is followed. A device, a pipe or the standard
+    output ("-") cannot be replaced: it gets the whole file at the end.
 
     Parameters
     ----------
     path : str or path-like
-        The target. Its folder has to exist.
+        The target. Its folder has to exist. "-" is the standard output.
 
     Yields
     ------
     BinaryIO
-        A writable binary stream.
+        A writable binary stream that can be moved in, as a header with counts needs it.
 
     Raises
     ------
@@ -47,9 +52,13 @@ def replacing(path: str | PathLike[str]) -> Iterator[BinaryIO]:
     'done'
     >>> folder.cleanup()
     """
+    if isinstance(path, str) and path == "-":
+        with _passed_on("the standard output", lambda: os.fdopen(os.dup(sys.stdout.fileno()), "wb")) as stream:
+            yield stream
+        return
     target, old = _checked_target(path)
     if old is not None and not stat.S_ISREG(old.st_mode):
-        with _writing_to(path), open(target, "wb") as stream:
+        with _passed_on(path, lambda: open(target, "wb")) as stream:
             yield stream
         return
     beside = target.with_name(f".surfel-{secrets.token_hex(6)}.part")  # short: the target's own name may fill the limit
@@ -67,10 +76,23 @@ def replacing(path: str | PathLike[str]) -> Iterator[BinaryIO]:
 
 
 @contextmanager
+def _passed_on(path: str | PathLike[str], opened: Callable[[], BinaryIO]) -> Iterator[BinaryIO]:
+    """Collect what is written, in memory or, where it is much, in a file; pass it on when the block succeeds."""
+    with tempfile.SpooledTemporaryFile(max_size=_IN_MEMORY) as spool:
+        with _writing_to(path):
+            yield spool  # type: ignore[misc]
+        spool.seek(0)
+        with _writing_to(path), opened() as stream:
+            shutil.copyfileobj(spool, stream)
+
+
+@contextmanager
 def _writing_to(path: str | PathLike[str]) -> Iterator[None]:
     """Turn what the system says about a failed write into one clear line."""
     try:
         yield
+    except BrokenPipeError:
+        raise  # the reader of a pipe has gone, which is no fault
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputError(f"cannot write {os.fspath(path)!r}: {reason}; nothing was changed there") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from surfel.core.cast import Floats
 from surfel.io.content import Content
+from surfel.io.source import Source
 
 Group = tuple[str, ...]
 POINTS: list[Group] = [("x", "y", "z")]
@@ -51,7 +53,42 @@ def content_by_name(
     return content
 
 
-def content_of_table(values: Floats, names: list[str] | None) -> Content:
+@dataclass
+class Spread:
+    """The lowest and the highest value of each column, and whether all are whole numbers; NaN where one is not finite.
+
+    Roles of nameless columns and types of colors go by these, so that a file read in runs has them all alike.
+    """
+
+    low: Floats
+    high: Floats
+    whole: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, values: Floats) -> Spread:
+        """Return those of a table of (n, k) numbers."""
+        if len(values) == 0:
+            nothing = np.full(values.shape[1], np.nan)
+            return cls(nothing, nothing, np.ones(values.shape[1], bool))
+        finite = np.where(np.isfinite(values).all(axis=0), 0.0, np.nan)
+        whole = (values == np.floor(values)).all(axis=0)
+        return cls(values.min(axis=0) + finite, values.max(axis=0) + finite, whole)
+
+    def joined(self, other: Spread) -> Spread:
+        """Return those of both tables together."""
+        return Spread(np.minimum(self.low, other.low), np.maximum(self.high, other.high), self.whole & other.whole)
+
+    def some(self, columns: list[int]) -> tuple[float, float, bool]:
+        """Return the lowest and the highest value of some columns and whether all of these are whole."""
+        return float(self.low[columns].min()), float(self.high[columns].max()), bool(self.whole[columns].all())
+
+
+def depends_on_values(names: list[str] | None, columns: int) -> bool:
+    """Tell whether the role or the type of a column of a table depends on its values."""
+    return columns - 3 in (3, 4, 6) if names is None else bool(_shades(names))
+
+
+def content_of_table(values: Floats, names: list[str] | None, spread: Spread | None = None) -> Content:
     """Return the content of a table of numbers, by its column names or by the rule for nameless columns.
 
     The rule: the first three columns are x, y and z. One further column is an intensity. Three further columns are
@@ -64,20 +101,59 @@ def content_of_table(values: Floats, names: list[str] | None) -> Content:
         At least three columns.
     names : list of str, optional
         One for each column, in lower case, x, y and z among them.
+    spread : Spread, optional
+        Of all rows of the file where ``values`` are only a run of them.
     """
+    if spread is None and depends_on_values(names, values.shape[1]):
+        spread = Spread.of(values)
     if names is None:
-        names = _names_by_rule(values)
+        names = _names_by_rule(values.shape[1], spread)
     column = {name: i for i, name in enumerate(names)}
     places = [column.pop(name) for name in POINTS[0]]
     group = first_of(NORMALS, column)
     directions = [column.pop(name) for name in group] if group is not None else []
     rest = {name: np.ascontiguousarray(values[:, i]) for name, i in column.items()}
     shades = _shades(column)
-    kind = _color_type(values[:, [column[name] for name in shades]]) if shades else None
-    rest.update({name: rest[name].astype(kind) for name in shades if kind is not None})
-    normals = values[:, directions] if directions else None
-    points = values if places == [0, 1, 2] and values.shape[1] == 3 else values[:, places]
+    if shades and spread is not None:
+        kind = _color_type(*spread.some([column[name] for name in shades]))
+        rest.update({name: rest[name].astype(kind) for name in shades})
+    normals = _together(values, directions) if directions else None
+    points = values if places == [0, 1, 2] and values.shape[1] == 3 else _together(values, places)
     return content_by_name(rest, np.ascontiguousarray(points), normals, [])
+
+
+def as_type(
+    source: Source, what: str, name: str, values: Floats, kind: np.dtype[np.generic], columns: int = 1
+) -> NDArray[Any]:
+    """Return numbers that were read as doubles in the type that the header of their file declares.
+
+    Raises
+    ------
+    FileFormatError
+        If one is not of that type.
+    """
+    kind = kind.newbyteorder("=")
+    if kind.kind == "f":
+        with np.errstate(over="ignore"):
+            return values.astype(kind)
+    limits = np.iinfo(kind)  # type: ignore[type-var]
+    wrong = ~((values >= limits.min) & (values <= limits.max) & (values == np.floor(values)))
+    if kind.itemsize == 8:
+        wrong |= np.abs(values) > 2.0**53  # beyond it a double does not hold every whole number
+    if wrong.any():
+        at = int(np.flatnonzero(wrong)[0])
+        raise source.error(
+            f"{name} is {values[at]:g}, which is no {kind.name}", f"{what} {at // columns}", "the file was changed"
+        )
+    return values.astype(kind)
+
+
+def _together(values: Floats, columns: list[int]) -> Floats:
+    """Return some columns as an array of their own."""
+    first = columns[0]
+    if columns == list(range(first, first + len(columns))):
+        return values[:, first : first + len(columns)].copy()
+    return values[:, columns]
 
 
 def table_of(content: Content) -> tuple[list[str], list[NDArray[Any]], list[str]]:
@@ -115,29 +191,26 @@ def _shades(names: Iterable[str]) -> list[str]:
     return [] if colors is None else [*colors, *({_ALPHA[colors]} & known)]
 
 
-def _names_by_rule(values: Floats) -> list[str]:
-    further = values.shape[1] - 3
+def _names_by_rule(columns: int, spread: Spread | None) -> list[str]:
+    further = columns - 3
     names = list(POINTS[0])
     if further in (1, 4):
         names.append("intensity")
         further -= 1
-    if further in (3, 6):
-        for first in range(len(names), values.shape[1], 3):
-            group = COLORS[0] if _look_like_colors(values[:, first : first + 3]) else NORMALS[0]
+    if further in (3, 6) and spread is not None:
+        for first in range(len(names), columns, 3):
+            group = COLORS[0] if _look_like_colors(*spread.some([first, first + 1, first + 2])) else NORMALS[0]
             names += [f"column_{first + i + 1}" for i in range(3)] if group[0] in names else group
         return names
-    return names + [f"column_{i + 1}" for i in range(len(names), values.shape[1])]
+    return names + [f"column_{i + 1}" for i in range(len(names), columns)]
 
 
-def _look_like_colors(values: Floats) -> bool:
-    if len(values) == 0 or not np.isfinite(values).all():
-        return False
-    low, high = values.min(), values.max()
-    return bool(low >= 0 and 1 < high <= 255 and (values == np.floor(values)).all())
+def _look_like_colors(low: float, high: float, whole: bool) -> bool:
+    return whole and low >= 0 and 1 < high <= 255
 
 
-def _color_type(values: Floats) -> type[Any]:
+def _color_type(low: float, high: float, whole: bool) -> type[Any]:
     """Return the type of colors in text: bytes or words where all are whole numbers, else floats."""
-    if len(values) and np.isfinite(values).all() and values.min() >= 0 and (values == np.floor(values)).all():
-        return np.uint8 if values.max() <= 255 else np.uint16 if values.max() <= 65535 else np.float64
+    if whole and low >= 0:
+        return np.uint8 if high <= 255 else np.uint16 if high <= 65535 else np.float64
     return np.float64

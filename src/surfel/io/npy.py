@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -9,12 +11,13 @@ from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
 from surfel.core.errors import FileFormatError
-from surfel.io.columns import NORMALS, POINTS, content_by_name, content_of_table, first_of
+from surfel.io.columns import NORMALS, POINTS, content_by_name, content_of_table, depends_on_values, first_of
 from surfel.io.content import Content
 from surfel.io.source import Source
 
 _CUT = "the file was cut or changed; write it again"
 _LONGEST_HEADER = 100_000
+_AT_ONCE = 1 << 24
 
 
 def load(source: Source) -> Content:
@@ -29,6 +32,29 @@ def load(source: Source) -> Content:
     """
     array = read_array(source, source.stream, source.remaining, "the array")
     return content_of_array(source, array)
+
+
+def chunks(source: Source, size: int) -> Iterator[Content] | None:
+    """Yield the points in runs; an array in Fortran's order, whose rows lie apart, is not read so.
+
+    Raises
+    ------
+    FileFormatError
+        As :func:`load` does.
+    """
+    shape, fortran, dtype = _read_header(source, source.stream, source.remaining, "the array")
+    if (fortran and len(shape) > 1) or len(shape) != (2 if dtype.names is None else 1):
+        return None
+    if dtype.names is None and depends_on_values(None, shape[1]):
+        return None
+    return _runs(source, shape, dtype, size)
+
+
+def _runs(source: Source, shape: tuple[int, ...], dtype: np.dtype[Any], size: int) -> Iterator[Content]:
+    record = dtype.itemsize * math.prod(shape[1:])
+    for first in range(0, max(1, shape[0]), size):
+        rows = min(size, shape[0] - first)
+        yield content_of_array(source, source.take(rows * record).view(dtype).reshape(rows, *shape[1:]))
 
 
 def save(stream: BinaryIO, content: Content, *, ascii: bool = False, suffix: str = ".npy") -> list[str]:
@@ -46,6 +72,16 @@ def read_array(source: Source, stream: Any, size: int, what: str) -> NDArray[Any
     FileFormatError
         If it does not, or if the array holds Python objects.
     """
+    shape, fortran, dtype = _read_header(source, stream, size, what)
+    array = _taken(source, stream, math.prod(shape) * dtype.itemsize, what).view(dtype)
+    try:
+        return array.reshape(shape, order="F" if fortran else "C")
+    except ValueError as error:  # more dimensions than numpy takes
+        raise source.error(f"{what} has an impossible shape: {error}", "its header", _CUT) from error
+
+
+def _read_header(source: Source, stream: Any, size: int, what: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Return shape, order and type, which need exactly as many bytes as there are."""
     start = stream.tell()
     try:
         version = npy_format.read_magic(stream)
@@ -59,28 +95,29 @@ def read_array(source: Source, stream: Any, size: int, what: str) -> NDArray[Any
         raise source.error(
             f"{what} holds Python objects, which are never unpickled", f"byte {start}", "save it as an array of numbers"
         )
-    count = 1
-    for extent in shape:
-        count *= max(0, int(extent))
     left = start + size - stream.tell()
-    if dtype.itemsize == 0 or any(extent < 0 for extent in shape) or count * dtype.itemsize != left:
+    need = math.prod(max(0, int(extent)) for extent in shape) * dtype.itemsize
+    if dtype.itemsize == 0 or any(extent < 0 for extent in shape) or need != left:
         raise source.error(
-            f"{what} of shape {shape} and type {dtype} needs {count * dtype.itemsize} bytes, there are {left}",
+            f"{what} of shape {shape} and type {dtype} needs {need} bytes, there are {left}",
             f"byte {stream.tell()}", _CUT,
         )  # fmt: skip
-    array = np.empty(count, dtype)
-    raw = memoryview(array.view(np.uint8).data) if count else memoryview(b"")
+    return tuple(int(extent) for extent in shape), bool(fortran), dtype
+
+
+def _taken(source: Source, stream: Any, size: int, what: str) -> NDArray[np.uint8]:
+    """Read bytes whose number somebody claims: room is made as they come, so that a lie costs nothing."""
+    data = np.empty(min(size, _AT_ONCE), np.uint8)
     done = 0
-    while done < len(raw):
-        got = stream.read(min(1 << 22, len(raw) - done))
+    while done < size:
+        if done == len(data):
+            data = np.concatenate([data, np.empty(min(len(data), size - done), np.uint8)])
+        got = stream.read(min(1 << 22, len(data) - done))
         if not got:
             raise source.error(f"{what} ends too early", f"byte {done} of its data", _CUT)
-        raw[done : done + len(got)] = got
+        data[done : done + len(got)] = np.frombuffer(got, np.uint8)
         done += len(got)
-    try:
-        return array.reshape(shape, order="F" if fortran else "C")
-    except ValueError as error:  # more dimensions than numpy takes
-        raise source.error(f"{what} has an impossible shape: {error}", f"byte {start}", _CUT) from error
+    return data
 
 
 def content_of_array(source: Source, array: NDArray[Any]) -> Content:

@@ -10,18 +10,24 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import kernel
+from surfel._numba import inlined, inner
+from surfel.io.words import bits_of, byte_at, eight_bytes, high_product, leading_zeros
 
 INTEGER, REAL, HARD = 0, 1, 2
 _LEAST, _MOST = -342, 308
 _U = np.uint64
-_LOW32, _32, _ALL = _U(0xFFFFFFFF), _U(32), _U(0xFFFFFFFFFFFFFFFF)
+_ALL = _U(0xFFFFFFFFFFFFFFFF)
 _ONE, _THREE, _NINE, _52, _63 = _U(1), _U(3), _U(9), _U(52), _U(63)
 _TEN = _U(10)
 _LAST = _U(10**18)  # below it, one digit more keeps the significand below 10^19
 _NINE_ONES = _U(0x1FF)
 _HIDDEN, _FULL, _FRACTION = _U(1 << 52), _U(1 << 53), _U((1 << 52) - 1)
 _SIGN = _U(1 << 63)
+_ZEROS, _SIXES = _U(0x3030303030303030), _U(0x4646464646464646)
+_TOPS, _PAIRS = _U(0x8080808080808080), _U(0x000000FF000000FF)
+_FROM_HUNDREDS, _FROM_TENTHS = _U(0x000F424000000064), _U(0x0000271000000001)
+_EIGHT, _16, _32 = _U(8), _U(16), _U(32)
+_HUNDRED_MILLION = _U(100_000_000)
 
 
 def _powers_of_five() -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
@@ -43,35 +49,25 @@ def _powers_of_five() -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
 
 
 _HIGH, _LOW = _powers_of_five()
+_TENS = np.array([10.0**q for q in range(23)])
 
 
-@kernel
-def _high_product(a, b):
-    """Return the upper 64 bits of the product of two 64-bit words."""
-    a0, a1, b0, b1 = a & _LOW32, a >> _32, b & _LOW32, b >> _32
-    middle = a1 * b0 + ((a0 * b0) >> _32)
-    other = a0 * b1 + (middle & _LOW32)
-    return a1 * b1 + (middle >> _32) + (other >> _32)
-
-
-@kernel
+@inner
 def _nearest(w, q):
     """Return the bits of the double nearest to w 10^q, and whether they are certain."""
     if w == _U(0):
         return _U(0), True
+    if w <= _FULL and -22 <= q <= 22:  # both are doubles, so that one rounding is all there is (Clinger 1990)
+        return bits_of(np.float64(w) / _TENS[-q] if q < 0 else np.float64(w) * _TENS[q]), True
     if q < _LEAST or q > _MOST:
         return _U(0), False
-    shift = 0
-    for bit in range(6):
-        step = 32 >> bit
-        if w < (_ONE << _U(64 - step)):
-            w <<= _U(step)
-            shift += step
+    shift = leading_zeros(w)
+    w <<= shift
     index = q - _LEAST
-    high = _high_product(w, _HIGH[index])
+    high = high_product(w, _HIGH[index])
     low = w * _HIGH[index]
     if (high & _NINE_ONES) == _NINE_ONES:  # the bits that decide the rounding need the lower word as well
-        carry = _high_product(w, _LOW[index])
+        carry = high_product(w, _LOW[index])
         low += carry
         if carry > low:
             high += _ONE
@@ -80,7 +76,9 @@ def _nearest(w, q):
     upper = high >> _63
     drop = upper + _NINE
     mantissa = high >> drop
-    power = ((217706 * q) >> 16) + 63 + np.int64(upper) - shift + 1023  # 217706 / 65536 = log2(10), exact in this range
+    power = (
+        ((217706 * q) >> 16) + 63 + np.int64(upper) - np.int64(shift) + 1023
+    )  # 217706 / 65536 = log2(10), exact in this range
     if power <= 0 or power >= 2046:
         return _U(0), False
     if low <= _ONE and -4 <= q <= 23 and (mantissa & _THREE) == _ONE and (mantissa << drop) == high:
@@ -93,15 +91,15 @@ def _nearest(w, q):
     return (mantissa & _FRACTION) | (_U(power) << _52), True
 
 
-@kernel
-def _long_significand(data, start, stop):
+@inner
+def _long_significand(text, start, stop):
     """Read many digits: the first 19 that count, the power of ten behind them, and if one left out is not 0."""
     w = _U(0)
     q = 0
     cut = False
     whole = True
     for p in range(start, stop):
-        d = np.int64(data[p]) - 48
+        d = byte_at(text, p) - 48
         if d == -2:
             whole = False
         elif w < _LAST:
@@ -113,20 +111,30 @@ def _long_significand(data, start, stop):
     return w, q, cut
 
 
-@kernel
-def scan_number(data, start, stop, counted):
-    """Read one number; return its bits, its whole value, its kind and the position after its last character.
+@inlined
+def _eight_digits(word):
+    """Return the number that eight characters spell, and whether all are digits (Lemire, section 5)."""
+    digits = ((word + _SIXES) | (word - _ZEROS)) & _TOPS == _U(0)
+    word -= _ZEROS
+    word = word * _TEN + (word >> _EIGHT)
+    word = ((word & _PAIRS) * _FROM_HUNDREDS + ((word >> _16) & _PAIRS) * _FROM_TENTHS) >> _32
+    return word, digits
+
+
+@inner
+def scan_number(text, start, stop, counted):
+    """Read one number of the text at an address; return its bits, its whole value, its kind and where it ends.
 
     Where only whole numbers are counted, their bits are not made.
     """
     p = start
-    negative = data[p] == 45
-    if negative or data[p] == 43:
+    negative = byte_at(text, p) == 45
+    if negative or byte_at(text, p) == 43:
         p += 1
     first = p
     w = _U(0)
     while p < stop:
-        d = np.int64(data[p]) - 48
+        d = byte_at(text, p) - 48
         if d < 0 or d > 9:
             break
         w = w * _TEN + _U(d)
@@ -134,12 +142,18 @@ def scan_number(data, start, stop, counted):
     digits = p - first
     q = 0
     kind = INTEGER
-    if p < stop and data[p] == 46:
+    if p < stop and byte_at(text, p) == 46:
         kind = REAL
         p += 1
         point = p
+        while p + 8 <= stop:
+            eight, digits_only = _eight_digits(eight_bytes(text, p))
+            if not digits_only:
+                break
+            w = w * _HUNDRED_MILLION + eight
+            p += 8
         while p < stop:
-            d = np.int64(data[p]) - 48
+            d = byte_at(text, p) - 48
             if d < 0 or d > 9:
                 break
             w = w * _TEN + _U(d)
@@ -150,20 +164,27 @@ def scan_number(data, start, stop, counted):
         return _U(0), 0, HARD, p
     cut = False
     if digits > 18:
-        w, q, cut = _long_significand(data, first, p)
         kind = REAL
-    if p < stop and (data[p] | 32) == 101:
+        zero = first
+        while zero < p and (
+            byte_at(text, zero) == 48 or byte_at(text, zero) == 46
+        ):  # zeros in front take no room in a word
+            zero += 1
+            digits -= 1
+        if digits > 18:
+            w, q, cut = _long_significand(text, first, p)
+    if p < stop and (byte_at(text, p) | 32) == 101:
         kind = REAL
         p += 1
         minus = False
-        if p < stop and (data[p] == 45 or data[p] == 43):
-            minus = data[p] == 45
+        if p < stop and (byte_at(text, p) == 45 or byte_at(text, p) == 43):
+            minus = byte_at(text, p) == 45
             p += 1
         figures = p
         e = 0
-        while p < stop and 48 <= data[p] <= 57:
+        while p < stop and 48 <= byte_at(text, p) <= 57:
             if e < 100000:
-                e = e * 10 + np.int64(data[p]) - 48
+                e = e * 10 + byte_at(text, p) - 48
             p += 1
         if p == figures:
             return _U(0), 0, HARD, p

@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import kernel
+from surfel._numba import inlined, inner, kernel
 from surfel.core.cast import Floats, Integers
 from surfel.io.numbers import HARD, INTEGER, scan_number
 from surfel.io.rows import NEWLINE, RETURN, RowError, line_of, resolve
 from surfel.io.source import Bytes, Source
+from surfel.io.words import address_of, byte_at
 
 _WIDTH = 8
 _VERTICES, _NORMALS, _FACES, _CORNERS, _OTHERS = range(5)
@@ -103,35 +104,39 @@ def _codes(words: str) -> NDArray[np.int64]:
     return np.array([int.from_bytes(word.encode()[:7], "big") for word in words.split()], np.int64)
 
 
-@kernel
-def _keyword(data, p, stop):
+@inner
+def _keyword(text, p, stop):
     """Return the packed word at p and the position after it."""
     code = np.int64(0)
     length = 0
-    while p < stop and data[p] > 32:
+    while p < stop and byte_at(text, p) > 32:
         if length < 7:
-            code = (code << 8) | np.int64(data[p])
+            code = (code << 8) | byte_at(text, p)
         length += 1
         p += 1
     return code, p
 
 
-@kernel
-def _blanks(data, p, stop, newline):
-    while p < stop and (data[p] == 32 or data[p] == 9 or data[p] == 13) and data[p] != newline:
+@inlined
+def _blanks(text, p, stop, newline):
+    while (
+        p < stop
+        and (byte_at(text, p) == 32 or byte_at(text, p) == 9 or byte_at(text, p) == 13)
+        and byte_at(text, p) != newline
+    ):
         p += 1
     return p
 
 
-@kernel
-def _ends(data, p, stop, newline):
+@inlined
+def _ends(text, p, stop, newline):
     """Whether no further value stands on the line."""
-    return p >= stop or data[p] == newline or data[p] == 35
+    return p >= stop or byte_at(text, p) == newline or byte_at(text, p) == 35
 
 
-@kernel
-def _to_next_line(data, p, stop, newline):
-    while p < stop and data[p] != newline:
+@inlined
+def _to_next_line(text, p, stop, newline):
+    while p < stop and byte_at(text, p) != newline:
         p += 1
     return p + 1
 
@@ -139,27 +144,27 @@ def _to_next_line(data, p, stop, newline):
 @kernel
 def _count(data, newline, passed, shapes, counts):
     """Count statements and corners; stop at a word that is no statement."""
-    stop = len(data)
+    text, stop = address_of(data), len(data)
     p = 0
     while p < stop:
-        p = _blanks(data, p, stop, newline)
-        if not _ends(data, p, stop, newline):
+        p = _blanks(text, p, stop, newline)
+        if not _ends(text, p, stop, newline):
             start = p
-            code, p = _keyword(data, p, stop)
+            code, p = _keyword(text, p, stop)
             if code == 118:  # v
                 counts[_VERTICES] += 1
             elif code == 30318:  # vn
                 counts[_NORMALS] += 1
             elif code == 102:  # f
                 counts[_FACES] += 1
-                p = _blanks(data, p, stop, newline)
-                while not _ends(data, p, stop, newline):
+                p = _blanks(text, p, stop, newline)
+                while not _ends(text, p, stop, newline):
                     counts[_CORNERS] += 1
-                    _, p = _keyword(data, p, stop)
-                    if p == stop or data[p] == newline:
+                    _, p = _keyword(text, p, stop)
+                    if p == stop or byte_at(text, p) == newline:
                         break
                     before = p
-                    p = _blanks(data, p, stop, newline)
+                    p = _blanks(text, p, stop, newline)
                     if p == before:  # a control character, refused later
                         p += 1
             else:
@@ -172,14 +177,14 @@ def _count(data, newline, passed, shapes, counts):
                         counts[_OTHERS] += 1
                 if not known:
                     return _UNKNOWN, start
-        p = _to_next_line(data, p, stop, newline)
+        p = _to_next_line(text, p, stop, newline)
     return _DONE, p
 
 
 @kernel
 def _read(data, newline, vertices, widths, normals, corners, lengths, hard):
     """Fill the arrays; return why it stopped, where, and how many hard numbers and corners there are."""
-    stop = len(data)
+    text, stop = address_of(data), len(data)
     p = 0
     vertex = 0
     normal = 0
@@ -187,21 +192,21 @@ def _read(data, newline, vertices, widths, normals, corners, lengths, hard):
     corner = 0
     hards = 0
     while p < stop:
-        p = _blanks(data, p, stop, newline)
-        if not _ends(data, p, stop, newline):
-            code, p = _keyword(data, p, stop)
+        p = _blanks(text, p, stop, newline)
+        if not _ends(text, p, stop, newline):
+            code, p = _keyword(text, p, stop)
             if code == 118 or code == 30318:
                 width = 0
-                p = _blanks(data, p, stop, newline)
-                while not _ends(data, p, stop, newline):
+                p = _blanks(text, p, stop, newline)
+                while not _ends(text, p, stop, newline):
                     if width >= (7 if code == 118 else 3):
                         return _MANY, p, hards, corner
                     start = p
-                    bits, _, kind, p = scan_number(data, p, stop, False)
-                    if p < stop and data[p] > 32:
+                    bits, _, kind, p = scan_number(text, p, stop, False)
+                    if p < stop and byte_at(text, p) > 32:
                         kind = HARD
-                    if kind == HARD or (p < stop and data[p] <= 32 and p == start):
-                        while p < stop and data[p] > 32:
+                    if kind == HARD or (p < stop and byte_at(text, p) <= 32 and p == start):
+                        while p < stop and byte_at(text, p) > 32:
                             p += 1
                         if hards == len(hard):
                             return _FULL, p, hards, corner
@@ -216,7 +221,7 @@ def _read(data, newline, vertices, widths, normals, corners, lengths, hard):
                     else:
                         normals[normal, width] = bits
                     width += 1
-                    p = _blanks(data, p, stop, newline)
+                    p = _blanks(text, p, stop, newline)
                 if width < 3:
                     return _FEW, min(p, stop - 1), hards, corner
                 if code == 118:
@@ -226,36 +231,36 @@ def _read(data, newline, vertices, widths, normals, corners, lengths, hard):
                     normal += 1
             elif code == 102:
                 first = corner
-                p = _blanks(data, p, stop, newline)
-                while not _ends(data, p, stop, newline):
-                    index, good, p = _corner(data, p, stop, vertex)
+                p = _blanks(text, p, stop, newline)
+                while not _ends(text, p, stop, newline):
+                    index, good, p = _corner(text, p, stop, vertex)
                     if not good or corner == len(corners):
                         return _CORNER, min(p, stop - 1), hards, corner
                     corners[corner] = index
                     corner += 1
-                    p = _blanks(data, p, stop, newline)
+                    p = _blanks(text, p, stop, newline)
                 if corner - first < 3:
                     return _FEW, min(p, stop - 1), hards, corner
                 lengths[face] = corner - first
                 face += 1
-        p = _to_next_line(data, p, stop, newline)
+        p = _to_next_line(text, p, stop, newline)
     return _DONE, stop, hards, corner
 
 
-@kernel
-def _corner(data, p, stop, vertices):
+@inner
+def _corner(text, p, stop, vertices):
     """Read ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``; return the vertex's row, whether all is well, and the end."""
-    _, index, kind, p = scan_number(data, p, stop, True)
+    _, index, kind, p = scan_number(text, p, stop, True)
     good = kind == INTEGER and index != 0
     slashes = 0
-    while good and p < stop and data[p] == 47:
+    while good and p < stop and byte_at(text, p) == 47:
         slashes += 1
         p += 1
-        if p < stop and data[p] > 32 and data[p] != 47:
-            _, other, kind, p = scan_number(data, p, stop, True)
+        if p < stop and byte_at(text, p) > 32 and byte_at(text, p) != 47:
+            _, other, kind, p = scan_number(text, p, stop, True)
             good = kind == INTEGER and other != 0
-        elif p >= stop or data[p] != 47:
+        elif p >= stop or byte_at(text, p) != 47:
             good = False
         good = good and slashes <= 2
-    good = good and (p >= stop or data[p] <= 32)
+    good = good and (p >= stop or byte_at(text, p) <= 32)
     return (index - 1 if index > 0 else vertices + index), good, p

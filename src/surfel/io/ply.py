@@ -2,33 +2,32 @@
 
 from __future__ import annotations
 
-import re
-from typing import Any, BinaryIO
+from collections.abc import Iterator
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surfel.core.cast import Integers
-from surfel.io.columns import COLORS, NORMALS, POINTS, content_by_name, first_of, flat_columns
-from surfel.io.content import Content
-from surfel.io.ply_ascii import AsciiBody
-from surfel.io.ply_binary import BinaryBody
-from surfel.io.ply_header import Element, read_header
+from surfel.io.columns import COLORS, NORMALS, POINTS, RADIUS, content_by_name, first_of
+from surfel.io.content import Content, Head
+from surfel.io.ply_header import Columns, Element, Group, Header, Property, read_header
+from surfel.io.ply_write import save, writer
 from surfel.io.polygons import fans, strips
 from surfel.io.source import Source
 
+__all__ = ["chunks", "head", "load", "save", "writer"]
+
 _LISTS = ("vertex_indices", "vertex_index")
-_CHUNK = 1 << 17
-_NAMES = {
-    "i1": "char",
-    "u1": "uchar",
-    "i2": "short",
-    "u2": "ushort",
-    "i4": "int",
-    "u4": "uint",
-    "f4": "float",
-    "f8": "double",
-}
+
+
+class _Body(Protocol):
+    """What the bodies of both kinds can do, element after element."""
+
+    def scalars(self, element: Element, groups: list[Group]) -> Columns: ...
+    def runs(self, element: Element, groups: list[Group], size: int) -> Iterator[Columns]: ...
+    def lists(self, element: Element, wanted: Property) -> tuple[Integers, Integers]: ...
+    def skip(self, element: Element) -> None: ...
+    def finish(self) -> None: ...
 
 
 def load(source: Source) -> Content:
@@ -43,15 +42,16 @@ def load(source: Source) -> Content:
         If the file is cut, its header does not fit its body, or a face names a vertex that is not there.
     """
     header = read_header(source)
-    body = AsciiBody(source, header) if header.order == "" else BinaryBody(source, header)
+    body = _body(source, header)
     content: Content | None = None
     faces: list[tuple[Element, Integers]] = []
     notes: list[str] = []
     for element in header.elements:
-        corners = next((p for p in element.lists if p.name in _LISTS), None)
+        corners = _corners(element)
         if element.name == "vertex":
-            content = _points(source, element, body, notes)
-        elif element.name in ("face", "tristrips") and corners is not None:
+            groups = _groups(source, element, notes)
+            content = _content(body.scalars(element, groups), notes)
+        elif corners is not None:
             items, lengths = body.lists(element, corners)
             faces.append((element, _triangles(source, element, items, lengths, notes)))
             others = [p.name for p in element.properties if p is not corners]
@@ -69,41 +69,69 @@ def load(source: Source) -> Content:
     return content
 
 
-def save(stream: BinaryIO, content: Content, *, ascii: bool = False, suffix: str = "") -> list[str]:
-    """Write a PLY file, little-endian or ascii; coordinates in double precision, other values in their own type.
+def chunks(source: Source, size: int) -> Iterator[Content] | None:
+    """Yield the points in runs; a file with faces, or with lists among its vertices, is not read so.
 
-    Returns
-    -------
-    list of str
-        What could not be kept.
+    Raises
+    ------
+    FileFormatError
+        As :func:`load` does, once the damage is reached.
     """
-    lost: list[str] = []
-    columns = _columns(content, lost)
-    record = np.dtype([(name, kind) for name, kind, _ in columns])
-    lines = ["ply", f"format {'ascii' if ascii else 'binary_little_endian'} 1.0", "comment written by surfel"]
-    lines.append(f"element vertex {len(content.points)}")
-    lines += [f"property {_NAMES[kind[1:]]} {name}" for name, kind, _ in columns]
-    if content.triangles is not None:
-        lines += [f"element face {len(content.triangles)}", "property list uchar int vertex_indices"]
-    stream.write(("\n".join([*lines, "end_header"]) + "\n").encode())
-    for first in range(0, len(content.points), _CHUNK):
-        block = np.empty(min(_CHUNK, len(content.points) - first), record)
-        for name, _, values in columns:
-            block[name] = values[first : first + _CHUNK]
-        _write_block(stream, block, ascii)
-    for first in range(0, 0 if content.triangles is None else len(content.triangles), _CHUNK):
-        assert content.triangles is not None
-        corners = content.triangles[first : first + _CHUNK]
-        faces = np.empty(len(corners), [("n", "u1"), ("a", "<i4"), ("b", "<i4"), ("c", "<i4")])
-        faces["n"] = 3
-        for i, name in enumerate("abc"):
-            faces[name] = corners[:, i]
-        _write_block(stream, faces, ascii)
-    return lost
+    header = read_header(source)
+    vertices = next((e for e in header.elements if e.name == "vertex"), None)
+    if vertices is None or vertices.lists or any(_corners(e) is not None and e.count for e in header.elements):
+        return None
+    notes: list[str] = []
+    groups = _groups(source, vertices, notes)
+    return _runs(_body(source, header), header, groups, notes, size)
 
 
-def _points(source: Source, element: Element, body: AsciiBody | BinaryBody, notes: list[str]) -> Content:
-    """Read the vertices and sort their properties into points, normals, colors, radii and attributes."""
+def head(source: Source) -> Head | None:
+    """Tell what the header says; in a binary file without lists its counts are compared with the file's size."""
+    header = read_header(source)
+    vertices = next((e for e in header.elements if e.name == "vertex"), None)
+    if vertices is None or any(_corners(e) is not None and e.count for e in header.elements):
+        return None
+    if header.order and not any(e.lists for e in header.elements):
+        _compare_size(source, header)
+    names = {p.name for p in vertices.properties if p.count_type is None}
+    _groups(source, vertices, [])
+    normals, colors = first_of(NORMALS, names), first_of(COLORS, names)
+    alphas = {"alpha", "diffuse_alpha", "a"} if colors else set()
+    rest = names - {*POINTS[0], *(normals or ()), *(colors or ()), RADIUS} - alphas
+    attributes = [p.name for p in vertices.properties if p.name in rest]
+    return Head(vertices.count, normals is not None, None, RADIUS in names, colors is not None, attributes)
+
+
+def _body(source: Source, header: Header) -> _Body:
+    if header.order == "":
+        from surfel.io.ply_ascii import AsciiBody
+
+        return AsciiBody(source, header)
+    from surfel.io.ply_binary import BinaryBody
+
+    return BinaryBody(source, header)
+
+
+def _runs(body: _Body, header: Header, groups: list[Group], notes: list[str], size: int) -> Iterator[Content]:
+    for element in header.elements:
+        if element.name == "vertex":
+            for columns in body.runs(element, groups, size):
+                yield _content(columns, notes)
+        else:
+            body.skip(element)
+    body.finish()
+
+
+def _corners(element: Element) -> Property | None:
+    """Return the list that holds the corners of faces or strips, if that is what the element holds."""
+    if element.name not in ("face", "tristrips"):
+        return None
+    return next((p for p in element.lists if p.name in _LISTS), None)
+
+
+def _groups(source: Source, element: Element, notes: list[str]) -> list[Group]:
+    """Return the properties of a vertex, those of points and normals together, and note what is passed over."""
     scalars = [p.name for p in element.properties if p.count_type is None]
     if not set(POINTS[0]) <= set(scalars):
         raise source.error("the element 'vertex' has no x, y and z", "header", "the file holds no points")
@@ -112,12 +140,15 @@ def _points(source: Source, element: Element, body: AsciiBody | BinaryBody, note
     if normals is not None:
         groups.append(normals)
     joined = {name for group in groups for name in group}
-    groups += [(name,) for name in scalars if name not in joined]
     notes += [f"the list {p.name!r} of 'vertex' was passed over" for p in element.lists]
-    found = body.scalars(element, groups)
-    points = found.pop(POINTS[0])
-    stored = None if normals is None else found.pop(normals)
-    return content_by_name({name: values for (name,), values in found.items()}, points, stored, notes)
+    return groups + [(name,) for name in scalars if name not in joined]
+
+
+def _content(columns: Columns, notes: list[str]) -> Content:
+    """Sort columns into points, normals, colors, radii and attributes."""
+    points = columns.pop(POINTS[0])
+    normals = next((columns.pop(group) for group in NORMALS if group in columns), None)
+    return content_by_name({name: values for (name,), values in columns.items()}, points, normals, notes)
 
 
 def _triangles(source: Source, element: Element, items: Integers, lengths: Integers, notes: list[str]) -> Integers:
@@ -142,58 +173,10 @@ def _check_corners(source: Source, element: Element, triangles: Integers, vertic
         )  # fmt: skip
 
 
-def _columns(content: Content, lost: list[str]) -> list[tuple[str, str, NDArray[Any]]]:
-    """Return name, type and values of each property to be written; say what has no type in PLY."""
-    columns: list[tuple[str, str, NDArray[Any]]] = [(n, "<f8", content.points[:, i]) for i, n in enumerate(POINTS[0])]
-    if content.normals is not None:
-        columns += [(n, "<f8", content.normals[:, i]) for i, n in enumerate(NORMALS[0])]
-    if content.radii is not None:
-        columns.append(("radius", "<f8", content.radii))
-    if content.colors is not None:
-        for i, name in enumerate([*COLORS[0], "alpha"][: content.colors.shape[1]]):
-            _add_column(columns, name, content.colors[:, i], lost)
-    for name, values in content.attributes.items():
-        flat = flat_columns(values)
-        for i in range(flat.shape[1]):
-            _add_column(columns, name if values.ndim == 1 else f"{name}_{i}", flat[:, i], lost)
-    return columns
-
-
-def _add_column(columns: list[tuple[str, str, NDArray[Any]]], name: str, values: NDArray[Any], lost: list[str]) -> None:
-    kind = _kind(values)
-    word = re.sub(r"\s+", "_", name.strip()) or "unnamed"
-    taken = {n for n, _, _ in columns}
-    while word in taken:
-        word += "_"
-    if kind is None:
-        lost.append(f"attribute {name!r} of type {values.dtype}")
-        return
-    if word != name:
-        lost.append(f"the name {name!r} (written as {word!r})")
-    columns.append((word, kind, values))
-
-
-def _kind(values: NDArray[Any]) -> str | None:
-    """Return the PLY type that holds the values without loss, or None."""
-    kind = values.dtype.kind
-    if kind == "b":
-        return "|u1"
-    if kind == "f" and values.dtype.itemsize <= 8:
-        return "<f4" if values.dtype.itemsize <= 4 else "<f8"
-    if kind not in "iu":
-        return None
-    if values.dtype.itemsize < 8:
-        return f"<{values.dtype.kind}{values.dtype.itemsize}"
-    low, high = (int(values.min()), int(values.max())) if len(values) else (0, 0)
-    for choice in ("i4", "u4"):
-        if np.iinfo(choice).min <= low and high <= np.iinfo(choice).max:
-            return f"<{choice}"
-    return "<f8" if low >= -(2**53) and high <= 2**53 else None
-
-
-def _write_block(stream: BinaryIO, block: NDArray[Any], ascii: bool) -> None:
-    if not ascii:
-        stream.write(block.view(np.uint8).data)
-        return
-    words = [map(repr, block[name].tolist()) for name in block.dtype.names or ()]
-    stream.write(("\n".join(map(" ".join, zip(*words, strict=True))) + "\n").encode())
+def _compare_size(source: Source, header: Header) -> None:
+    need = source.position + sum(e.count * e.least_size for e in header.elements)
+    if not need <= source.size <= need + 4096:  # line ends at the very end are let pass
+        raise source.error(
+            f"its header announces {need} bytes, it has {source.size}", f"byte {min(need, source.size)}",
+            "the file was cut or its header is wrong; fetch it again",
+        )  # fmt: skip

@@ -2,90 +2,109 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from surfel.core.cast import Integers
-from surfel.core.errors import FileFormatError
-from surfel.io.ply_header import Element, Header, Property
-from surfel.io.rows import RowError, Rows, line_of, located, parse_rows
+from surfel.core.cast import Floats, Integers
+from surfel.io.columns import as_type
+from surfel.io.ply_header import Columns, Element, Group, Header, Property
+from surfel.io.rows import RowError, Rows, parse_rows
 from surfel.io.source import Source
+from surfel.io.table_rows import TableRows, Text
+
+_RUN = 1 << 16
 
 
 class AsciiBody:
-    """Reads element after element; one record a line."""
+    """Reads element after element; one record a line. Where it has got to is the position of the source."""
 
     def __init__(self, source: Source, header: Header) -> None:
         self._source = source
         self._newline = header.newline
-        start = source.position
-        source.stream.seek(0)
-        self._data = source.rest()  # with the header, so that line numbers are those of the file
-        self._at = start
 
-    def scalars(self, element: Element, groups: list[tuple[str, ...]]) -> dict[tuple[str, ...], NDArray[Any]]:
-        """Return the values of each group of properties: (n, k) doubles for k > 1, else (n,) in the declared type."""
-        rows = self._rows(element, None, keep=True)
-        scalars = [p for p in element.properties if p.count_type is None]
-        column = {p.name: i for i, p in enumerate(scalars)}
-        kind = {p.name: p.type for p in scalars}
-        found: dict[tuple[str, ...], NDArray[Any]] = {}
-        for group in groups:
-            chosen = [column[name] for name in group]
-            if len(group) > 1 and chosen == list(range(chosen[0], chosen[0] + len(group))) and not found:
-                found[group] = np.ascontiguousarray(rows.values[:, chosen[0] : chosen[0] + len(group)])
-            elif len(group) > 1:
-                found[group] = rows.values[:, chosen]
-            else:
-                found[group] = self._typed(element, group[0], rows.values[:, chosen[0]], kind[group[0]])
+    def scalars(self, element: Element, groups: list[Group]) -> Columns:
+        """Return the values of each group of properties."""
+        if element.lists:
+            return self._sorted(element, groups, self._records(element, None, keep=True).values)
+        rows = self._table(element)
+        found = self._grouped(element, groups, rows, element.count)
+        rows.finish()
         return found
+
+    def runs(self, element: Element, groups: list[Group], size: int) -> Iterator[Columns]:
+        """Yield the same for run after run of an element without lists, at least one."""
+        rows = self._table(element)
+        for first in range(0, max(1, element.count), size):
+            yield self._grouped(element, groups, rows, min(size, element.count - first))
+        rows.finish()
 
     def lists(self, element: Element, wanted: Property) -> tuple[Integers, Integers]:
         """Return the items of one list property laid end to end, and how many each record has."""
-        rows = self._rows(element, wanted, keep=False)
+        rows = self._records(element, wanted, keep=False)
         return rows.items, rows.lengths
 
     def skip(self, element: Element) -> None:
         """Read past an element; its records have to be there all the same."""
-        self._rows(element, None, keep=False)
+        if element.lists or not element.properties:
+            self._records(element, None, keep=False)
+            return
+        rows = self._table(element)
+        left = element.count
+        while left > 0:
+            left -= len(rows.read(min(left, _RUN), all_of_them=left <= _RUN))
+        rows.finish()
 
     def finish(self) -> None:
         """Refuse what comes after the last record."""
-        rest = self._data[self._at :]
+        at = self._source.position
+        rest = self._source.rest()
         more = np.flatnonzero(rest > 32)
         if len(more):
-            line = line_of(self._data, self._at + int(more[0]), self._newline)
+            line = self._source.line_at(at + int(more[0]), self._newline)
             raise self._source.error(
                 "there are more lines than the header announces", f"line {line}", "its counts are wrong; write it again"
             )
 
-    def _rows(self, element: Element, wanted: Property | None, keep: bool) -> Rows:
+    def _table(self, element: Element) -> TableRows:
+        return TableRows(self._source, len(element.properties), Text(self._newline), element.name)
+
+    def _records(self, element: Element, wanted: Property | None, keep: bool) -> Rows:
+        """Read records with lists among their values, from the rest of the file."""
         layout = tuple(0 if p.count_type is None else 2 if p is wanted else 1 for p in element.properties)
+        start = self._source.position
+        data = self._source.rest()
         try:
-            rows = parse_rows(
-                self._data, self._at, layout, rows=element.count, keep=keep, newline=self._newline
-            )  # fmt: skip
+            rows = parse_rows(data, 0, layout, rows=element.count, keep=keep, newline=self._newline)
         except RowError as error:
-            raise self._located(error, element) from None
-        self._at = rows.end
+            line = self._source.line_at(start + error.position, self._newline)
+            raise self._source.error(
+                error.problem, f"line {line}, {element.name} {error.row}", "the file was cut or changed; fetch it again"
+            ) from None
+        self._source.stream.seek(start + rows.end)
         return rows
 
-    def _typed(
-        self, element: Element, name: str, values: NDArray[np.float64], kind: np.dtype[np.generic]
-    ) -> NDArray[Any]:
-        if kind.kind == "f":
-            with np.errstate(over="ignore"):
-                return values.astype(kind)
-        limits = np.iinfo(kind)  # type: ignore[type-var]
-        wrong = ~((values >= limits.min) & (values <= limits.max) & (values == np.floor(values)))
-        if wrong.any():
-            row = int(np.flatnonzero(wrong)[0])
-            raise self._source.error(
-                f"{name} is {values[row]:g}, which is no {kind.name}", f"{element.name} {row}", "the file was changed"
+    def _grouped(self, element: Element, groups: list[Group], rows: TableRows, count: int) -> Columns:
+        """Read the next records of a plain element into an array for each group."""
+        place = {p.name: i for i, p in enumerate(element.properties)}
+        arrays = rows.read_groups(count, [[place[name] for name in group] for group in groups], all_of_them=True)
+        found: Columns = {}
+        for group, values in zip(groups, arrays, strict=True):
+            kind = element.properties[place[group[0]]].type
+            found[group] = (
+                values if len(group) > 1 else as_type(self._source, element.name, group[0], values[:, 0], kind)
             )
-        return values.astype(kind)
+        return found
 
-    def _located(self, error: RowError, element: Element) -> FileFormatError:
-        return located(self._source, self._data, error, self._newline, element.name)
+    def _sorted(self, element: Element, groups: list[Group], values: Floats) -> Columns:
+        """Sort the columns of a table into groups."""
+        scalars = [p for p in element.properties if p.count_type is None]
+        column = {p.name: i for i, p in enumerate(scalars)}
+        found: Columns = {}
+        for group in groups:
+            chosen = values[:, [column[name] for name in group]]
+            kind = scalars[column[group[0]]].type
+            found[group] = (
+                chosen if len(group) > 1 else as_type(self._source, element.name, group[0], chosen[:, 0], kind)
+            )
+        return found

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from surfel.core.cast import Integers
-from surfel.io.ply_header import Element, Header, Property
-from surfel.io.ply_lists import gather, step_over
+from surfel.io.parts import in_parts
+from surfel.io.ply_header import Columns, Element, Group, Header, Property
 from surfel.io.source import Bytes, Source
 
 _BLOCK = 1 << 18  # bytes: a block and its columns stay in the cache
@@ -23,27 +25,50 @@ class BinaryBody:
         self._source = source
         self._little = header.order == "<"
 
-    def scalars(self, element: Element, groups: list[tuple[str, ...]]) -> dict[tuple[str, ...], NDArray[Any]]:
-        """Return the values of each group of properties: (n, k) doubles for k > 1, else (n,) in the declared type."""
+    def scalars(self, element: Element, groups: list[Group]) -> Columns:
+        """Return the values of each group of properties."""
         self._check_room(element)
         if element.lists:
             return self._scalars_between_lists(element, groups)
-        kinds = {p.name: p.type for p in element.properties}
+        return self._records(element, groups, element.count)
+
+    def runs(self, element: Element, groups: list[Group], size: int) -> Iterator[Columns]:
+        """Yield the same for run after run of an element without lists, at least one."""
+        self._check_room(element)
+        for first in range(0, max(1, element.count), size):
+            yield self._records(element, groups, min(size, element.count - first))
+
+    def _records(self, element: Element, groups: list[Group], count: int) -> Columns:
+        """Read records block by block into their columns; of a file with a name, on several threads."""
         record = np.dtype([(p.name, p.type) for p in element.properties])
-        found: dict[tuple[str, ...], NDArray[Any]] = {}
+        found: Columns = {}
         for group in groups:
             if len(group) > 1:
-                found[group] = np.empty((element.count, len(group)))
+                found[group] = np.empty((count, len(group)))
             else:
-                found[group] = np.empty(element.count, kinds[group[0]].newbyteorder("="))
-        step = max(1, _BLOCK // record.itemsize)
-        buffer = np.empty(min(step, element.count) * record.itemsize, np.uint8)
-        for first in range(0, element.count, step):
-            rows = min(step, element.count - first)
-            block = buffer[: rows * record.itemsize]
-            self._source.fill(block)
+                found[group] = np.empty(count, record[group[0]].newbyteorder("="))
+        start, size = self._source.position, record.itemsize
+        step = max(1, _BLOCK // size)
+        buffers = threading.local()
+
+        def read(first: int, last: int) -> None:
+            if not hasattr(buffers, "block"):
+                buffers.block = np.empty(min(step, count) * size, np.uint8)
+            block = buffers.block[: (last - first) * size]
+            if self._source.positional:
+                self._source.fill_from(start + first * size, block)
+            else:
+                self._source.fill(block)
+            rows = block.view(record)
             for group, out in found.items():
-                _scatter(block.view(record), group, out[first : first + rows])
+                _scatter(rows, group, out[first:last])
+
+        if self._source.positional:
+            in_parts(read, count, step)
+            self._source.stream.seek(start + count * size)
+        else:
+            for first in range(0, count, step):
+                read(first, min(first + step, count))
         return found
 
     def lists(self, element: Element, wanted: Property) -> tuple[Integers, Integers]:
@@ -60,6 +85,8 @@ class BinaryBody:
                 f"the list {wanted.name!r} of {element.name!r} holds {wanted.type.name}, not whole numbers", "header",
                 "write its indices as integers",
             )  # fmt: skip
+        from surfel.io.ply_lists import gather
+
         gather(data, starts, lengths, size, wanted.type.kind == "i", self._little, items)
         return items, lengths
 
@@ -74,9 +101,10 @@ class BinaryBody:
     def finish(self) -> None:
         """Refuse what comes after the last record (line ends at the very end are let pass)."""
         at = self._source.position
-        if self._source.head(at + 4096)[at:].strip(b"\r\n") or self._source.remaining > 4096:
+        left = self._source.remaining
+        if left > 4096 or self._source.stream.read(4096).strip(b"\r\n"):
             raise self._source.error(
-                f"there are {self._source.remaining} bytes more than the header announces", f"byte {at}",
+                f"there are {left} bytes more than the header announces", f"byte {at}",
                 "its counts are wrong or the file was changed; write it again",
             )  # fmt: skip
 
@@ -127,6 +155,8 @@ class BinaryBody:
 
     def _walk(self, element: Element, wanted: Property | None) -> tuple[Bytes, Integers, Integers, Integers]:
         """Step through records of unequal length; return the bytes and the places of lists and scalars."""
+        from surfel.io.ply_lists import step_over
+
         start = self._source.position
         data = self._source.rest()
         counts = np.array([0 if p.count_type is None else p.count_type.itemsize for p in element.properties], np.int64)
@@ -145,9 +175,7 @@ class BinaryBody:
         self._source.stream.seek(start + at)
         return data, starts, lengths, places
 
-    def _scalars_between_lists(
-        self, element: Element, groups: list[tuple[str, ...]]
-    ) -> dict[tuple[str, ...], NDArray[Any]]:
+    def _scalars_between_lists(self, element: Element, groups: list[Group]) -> Columns:
         data, _, _, places = self._walk(element, None)
         scalars = [p for p in element.properties if p.count_type is None]
         columns = {}
@@ -160,7 +188,7 @@ class BinaryBody:
         }
 
 
-def _scatter(block: NDArray[Any], group: tuple[str, ...], out: NDArray[Any]) -> None:
+def _scatter(block: NDArray[Any], group: Group, out: NDArray[Any]) -> None:
     """Copy one group of properties of a block into its rows of the result, a column at a time: long inner loops."""
     if len(group) == 1:
         out[:] = block[group[0]]

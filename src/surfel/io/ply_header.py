@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from surfel.io.source import Source
+
+Group = tuple[str, ...]
+"""The names of properties that are read together, as x, y and z."""
+Columns = dict[Group, NDArray[Any]]
+"""The values of each group: (n, k) doubles for k > 1 names, else (n,) in the declared type."""
 
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",

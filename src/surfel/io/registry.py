@@ -1,13 +1,25 @@
 """The one registry of file formats: by suffix, by first bytes, and which module reads and writes each.
 
-A format's module is imported on its first use. It has ``load(source) -> Content`` and, where the format is written,
-``save(stream, content, *, ascii, suffix) -> list of str`` (what could not be kept). A ``load`` may return any other
-shape; it is then handed on as it is, which is how rooms above bring formats of their own.
+A format's module is imported on its first use. It has
+
+- ``load(source) -> Content``, the whole file. It may return any other shape, which is then handed on as it is: that
+  is how rooms above bring formats of their own;
+- ``head(source) -> Head or None``, what the header alone tells;
+- ``chunks(source, size) -> iterator of Content or None``, run after run of at most ``size`` points with flat memory,
+  all with the same columns, without triangles, at least one (of no points, if need be);
+- ``SELECTS``, which of the options it applies itself; then ``load`` and ``chunks`` take them as their last argument,
+  and where it selects by place or class it counts ``every`` too;
+- ``save(stream, content, *, ascii, suffix) -> list of str``, which returns what could not be kept;
+- ``writer(stream, first, head, *, suffix) -> Writer or None``, which takes run after run; ``first`` shows the columns.
+  With ``NEEDS_BOUNDS`` the head has bounds.
+
+Only ``load`` is needed. None of the optional ones means: not for this file; the doors then use ``load`` and ``save``.
 """
 
 from __future__ import annotations
 
 import importlib
+import os
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import PurePath
@@ -15,6 +27,10 @@ from typing import Any
 
 from surfel.core.errors import InputError
 from surfel.io.source import Source
+
+
+class NotStreamed(Exception):
+    """The file can be read, or the target written, only whole; a writer of runs may raise it at any run."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +75,11 @@ _FORMATS: dict[str, Format] = {
         Format("obj", (".obj",), "surfel.io.obj", (), _BOTH),
         Format("stl", (".stl",), "surfel.io.stl", (), frozenset({"mesh"})),
         Format("off", (".off",), "surfel.io.off", _OFF, _BOTH),
+        Format("pcd", (".pcd",), "surfel.io.pcd", (b"# .PCD", b"VERSION .", b"VERSION 0."), frozenset({"points"})),
+        Format("las", (".las", ".laz"), "surfel.io.las", (b"LASF",), frozenset({"points"})),
+        Format("e57", (".e57",), "surfel.io.e57", (b"ASTM-E57",), frozenset({"points"})),
+        Format("pts", (".pts",), "surfel.io.pts", (), frozenset({"points"})),
+        Format("ptx", (".ptx",), "surfel.io.ptx", ()),
         Format("glb", (".glb",), "surfel.io.glb", (b"glTF",), frozenset({"mesh"})),
     )
 }
@@ -99,8 +120,12 @@ def format_for_reading(source: Source) -> tuple[Format, list[str]]:
     suffix = PurePath(source.path).suffix.lower()
     named = _by_suffix(suffix)
     begun = next((f for f in _FORMATS.values() if f.magic and head.startswith(f.magic)), None)
+    if begun is not None and source.path == "-":
+        return begun, []
     if begun is not None and begun is not named:
         return begun, [f"read as {begun.name}, as its first bytes say, and not as {suffix or 'no suffix'!r}"]
+    if named is None and source.path == "-":
+        return _FORMATS["text"], ["read as text, because what came through the pipe begins like no other format"]
     if named is None:
         raise InputError(
             f"cannot read {source.path!r}: the suffix {suffix!r} is not known, and neither are its first bytes; "
@@ -109,22 +134,36 @@ def format_for_reading(source: Source) -> tuple[Format, list[str]]:
     return named, []
 
 
-def format_for_writing(path: str | PathLike[str]) -> Format:
-    """Return the format that the suffix of a new file asks for.
+def format_for_writing(path: str | PathLike[str], to: str | None = None) -> tuple[Format, str]:
+    """Return the format that a new file is asked for, and the suffix that says so.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The new file; "-" is the standard output, where PLY is written unless ``to`` says otherwise.
+    to : str, optional
+        A suffix, with or without its dot, that decides instead of that of ``path``.
 
     Raises
     ------
     InputError
         If no format with that suffix can be written.
     """
-    suffix = PurePath(path).suffix.lower()
+    name = PurePath(os.fsdecode(path)).name
+    suffix = PurePath(name).suffix.lower()
+    if to is not None:
+        suffix = "." + str(to).lower().removeprefix(".")
+    elif name == "-":
+        suffix = ".ply"
     named = _by_suffix(suffix)
+    if to is None and name.lower().endswith(".copc.laz"):
+        raise InputError(f"cannot write {name!r}: COPC is read, not written; name it .laz without .copc")
     if named is None or not named.holds:
         raise InputError(
-            f"cannot write {str(path)!r}: the suffix {suffix!r} is not one that is written; "
+            f"cannot write {os.fsdecode(path)!r}: the suffix {suffix!r} is not one that is written; "
             f"use one of {' '.join(suffixes('writing'))}"
         )
-    return named
+    return named, suffix
 
 
 def _by_suffix(suffix: str) -> Format | None:

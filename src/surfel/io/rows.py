@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import inlined, kernel
+from surfel._numba import inlined, inner, kernel
 from surfel.core.errors import FileFormatError
 from surfel.io.numbers import HARD, INTEGER, scan_number
 from surfel.io.source import Bytes, Source
+from surfel.io.words import address_of, byte_at
 
 NEWLINE, RETURN = 10, 13
 _DONE, _DOUBTFUL, _FULL, _SHORT, _LONG, _COUNT, _EMPTY, _END = range(8)
@@ -119,7 +120,7 @@ def parse_rows(
         if row == before:
             hard = np.empty((2 * len(hard), 4), np.int64)
     if status != _DONE and not (status == _END and rows is None):
-        raise RowError(_problem(status, row, capacity, token), at, row)
+        raise RowError(problem_of(status, row, capacity, token), at, row)
     numbers = values[:row].view(np.float64)
     return Rows(numbers, items[:item].copy() if listed else items, lengths[:row], at)
 
@@ -139,7 +140,8 @@ def _lines(data: Bytes, start: int, newline: int) -> int:
     return int(np.count_nonzero(data[start:] == newline)) + 1
 
 
-def _problem(status: int, read: int, wanted: int, column: int) -> str:
+def problem_of(status: int, read: int, wanted: int, column: int) -> str:
+    """Return in words what a status of the kernels says."""
     return {
         _SHORT: f"the line ends after {column} values",
         _LONG: "the line has more values than its record",
@@ -175,15 +177,16 @@ def _read_rows(
     data, p, row, item, rows, kinds, keep, values, items, lengths, hard, newline, delimiter, comments, loose
 ):
     """Read records until there are enough; return why it stopped, where, and how much of each was whole by then."""
+    text = address_of(data)
     stop = len(data)
     hards = 0
     while row < rows:
         while p < stop:  # to the first value of the next record
-            p = _skip_blanks(data, p, stop, newline)
-            if comments and _at_comment(data, p, stop):
-                while p < stop and data[p] != newline:
+            p = skip_blanks(text, p, stop, newline)
+            if comments and at_comment(text, p, stop):
+                while p < stop and byte_at(text, p) != newline:
                     p += 1
-            if p >= stop or data[p] != newline:
+            if p >= stop or byte_at(text, p) != newline:
                 break
             p += 1
         if p >= stop:
@@ -193,7 +196,7 @@ def _read_rows(
         token = 0
         for kind in kinds:
             if kind == 0:
-                status, bits, _, start, end, p = _next(data, p, stop, newline, delimiter, comments, False)
+                status, bits, _, start, end, p = _next(text, p, stop, newline, delimiter, comments, False)
                 if status > _DOUBTFUL:
                     return status, start, row, item_before, hards_before, token
                 if status == _DOUBTFUL:
@@ -205,7 +208,7 @@ def _read_rows(
                 column += 1
                 token += 1
                 continue
-            status, _, count, start, _, p = _next(data, p, stop, newline, delimiter, comments, True)
+            status, _, count, start, _, p = _next(text, p, stop, newline, delimiter, comments, True)
             if status == _DONE and (count < 0 or count > (stop - p) // 2 + 1):
                 status = _COUNT
             if status != _DONE:
@@ -214,7 +217,7 @@ def _read_rows(
             if kind == 2:
                 lengths[row] = count
             for _ in range(count):
-                status, _, whole, start, end, p = _next(data, p, stop, newline, delimiter, comments, kind == 2)
+                status, _, whole, start, end, p = _next(text, p, stop, newline, delimiter, comments, kind == 2)
                 if status > _DOUBTFUL:
                     return status, start, row, item_before, hards_before, token
                 if status == _DOUBTFUL:
@@ -225,30 +228,30 @@ def _read_rows(
                     items[item] = whole
                     item += 1
                 token += 1
-        while loose and p < stop and data[p] != newline:
+        while loose and p < stop and byte_at(text, p) != newline:
             p += 1
-        if p < stop and data[p] != newline and not (comments and _at_comment(data, p, stop)):
+        if p < stop and byte_at(text, p) != newline and not (comments and at_comment(text, p, stop)):
             return _LONG, p, row, item_before, hards_before, token
         row += 1
     return _DONE, p, row, item, hards, 0
 
 
-@inlined
-def _next(data, p, stop, newline, delimiter, comments, counted):
+@inner
+def _next(text, p, stop, newline, delimiter, comments, counted):
     """Read a value: return a status, its bits, its whole value, where it begins and ends, and where the next is."""
-    if p >= stop or data[p] == newline or (comments and _at_comment(data, p, stop)):
+    if p >= stop or byte_at(text, p) == newline or (comments and at_comment(text, p, stop)):
         return _SHORT, np.uint64(0), 0, p, p, p
-    if delimiter != 0 and data[p] == delimiter:
+    if delimiter != 0 and byte_at(text, p) == delimiter:
         return _EMPTY, np.uint64(0), 0, p, p, p
     start = p
-    bits, whole, kind, p = scan_number(data, p, stop, counted)
-    while p < stop and data[p] > 32 and data[p] != delimiter:
+    bits, whole, kind, p = scan_number(text, p, stop, counted)
+    while p < stop and byte_at(text, p) > 32 and byte_at(text, p) != delimiter:
         kind = HARD
         p += 1
     end = p
-    p = _skip_blanks(data, p, stop, newline)
-    if delimiter != 0 and p < stop and data[p] == delimiter:
-        p = _skip_blanks(data, p + 1, stop, newline)
+    p = skip_blanks(text, p, stop, newline)
+    if delimiter != 0 and p < stop and byte_at(text, p) == delimiter:
+        p = skip_blanks(text, p + 1, stop, newline)
     if counted:
         return (_DONE if kind == INTEGER else _COUNT), bits, whole, start, end, p
     return (_DOUBTFUL if kind == HARD else _DONE), bits, whole, start, end, p
@@ -265,12 +268,20 @@ def _note(hard, hards, row, column, start, end):
 
 
 @inlined
-def _skip_blanks(data, p, stop, newline):
-    while p < stop and (data[p] == 32 or data[p] == 9 or data[p] == 13) and data[p] != newline:
+def skip_blanks(text, p, stop, newline):
+    """Return where the next character that is no blank stands."""
+    while (
+        p < stop
+        and (byte_at(text, p) == 32 or byte_at(text, p) == 9 or byte_at(text, p) == 13)
+        and byte_at(text, p) != newline
+    ):
         p += 1
     return p
 
 
 @inlined
-def _at_comment(data, p, stop):
-    return p < stop and (data[p] == 35 or (data[p] == 47 and p + 1 < stop and data[p + 1] == 47))
+def at_comment(text, p, stop):
+    """Tell whether a comment begins here."""
+    return p < stop and (
+        byte_at(text, p) == 35 or (byte_at(text, p) == 47 and p + 1 < stop and byte_at(text, p + 1) == 47)
+    )

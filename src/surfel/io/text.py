@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from surfel.core.cast import Floats
 from surfel.core.errors import InputError
-from surfel.io.columns import POINTS, content_of_table, table_of
-from surfel.io.content import Content
-from surfel.io.rows import NEWLINE, RETURN, RowError, line_of, located, parse_rows
-from surfel.io.source import Bytes, Source
+from surfel.io.columns import POINTS, Spread, content_of_table, depends_on_values, table_of
+from surfel.io.content import Content, Head
+from surfel.io.source import Source
 
-_SNIFFED = 1 << 16
+if TYPE_CHECKING:
+    from surfel.io.table_rows import TableRows
+
+NEWLINE, RETURN = 10, 13
+_SNIFFED = 1 << 20
 _CHUNK = 1 << 15
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(inf|infinity|nan)|-?nan\(\w*\)|-?1\.#\w+", re.I)
 _COMMENT = re.compile(r"\s*(#+|//+)")
@@ -48,24 +53,53 @@ def load(source: Source) -> Content:
     FileFormatError
         At the first line that does not have as many numbers as the first, or if the count does not fit.
     """
-    data = source.rest()
-    layout = _sniffed(source, data)
-    if layout.decimal_comma:
-        body = data[layout.start :]
-        body[body == ord(",")] = ord(".")
-    try:
-        rows = parse_rows(
-            data, layout.start, (0,) * layout.columns, newline=layout.newline, delimiter=layout.delimiter,
-            comments=True,
-        )  # fmt: skip
-    except RowError as error:
-        raise located(source, data, error, layout.newline, "row") from None
-    if layout.count is not None and layout.count != len(rows.values):
+    layout = _sniffed(source)
+    rows = _rows(source, layout)
+    values = rows.read(source.size)
+    _compare(source, layout, rows)
+    return _content(values, layout, None)
+
+
+def chunks(source: Source, size: int) -> Iterator[Content]:
+    """Yield the points in runs; where roles of columns depend on their values, the text is read twice.
+
+    Raises
+    ------
+    FileFormatError
+        As :func:`load` does, once the damage is reached.
+    """
+    layout = _sniffed(source)
+    spread: Spread | None = None
+    if depends_on_values(layout.names, layout.columns):
+        rows = _rows(source, layout)
+        for values in rows.runs(size):
+            own = Spread.of(values)
+            spread = own if spread is None else spread.joined(own)
+    rows = _rows(source, layout)
+    for values in rows.runs(size):
+        yield _content(values, layout, spread)
+    _compare(source, layout, rows)
+
+
+def _rows(source: Source, layout: _Layout) -> TableRows:
+    from surfel.io.table_rows import TableRows, Text
+
+    source.stream.seek(layout.start)
+    return TableRows(
+        source, layout.columns, Text(layout.newline, layout.delimiter, True, layout.decimal_comma)
+    )  # fmt: skip
+
+
+def _compare(source: Source, layout: _Layout, rows: TableRows) -> None:
+    if layout.count is not None and layout.count != rows.count:
         raise source.error(
-            f"its first line announces {layout.count} rows, {len(rows.values)} were read",
-            f"line {line_of(data, len(data) - 1, layout.newline)}", "the file was cut; fetch it again",
+            f"its first line announces {layout.count} rows, {rows.count} were read",
+            f"line {source.line_at(source.size - 1, layout.newline)}", "the file was cut; fetch it again",
         )  # fmt: skip
-    content = content_of_table(rows.values, layout.names)
+
+
+def _content(values: Floats, layout: _Layout, spread: Spread | None) -> Content:
+    content = content_of_table(values, layout.names, spread)
     if layout.decimal_comma:
         content.notes.append("commas were read as decimal points")
     return content
@@ -84,19 +118,47 @@ def save(stream: BinaryIO, content: Content, *, ascii: bool = True, suffix: str 
     """
     if len(content.points) == 0:
         raise InputError("a text file cannot hold a cloud of no points; write .ply or .npz")
-    names, columns, lost = table_of(content)
-    if content.triangles is not None:
-        lost.append(f"{len(content.triangles)} triangles")
-    between = "," if suffix == ".csv" else " "
-    words = _written_names(names, between, lost)
-    if suffix == ".csv":
-        stream.write((between.join(words) + "\n").encode())
-    elif len(words) > 3:
-        stream.write(("# " + between.join(words) + "\n").encode())
-    for first in range(0, len(content.points), _CHUNK):
-        texts = [map(repr, _plain(c[first : first + _CHUNK]).tolist()) for c in columns]
-        stream.write(("\n".join(map(between.join, zip(*texts, strict=True))) + "\n").encode())
-    return lost
+    written = Writer(stream, content, suffix)
+    written.add(content)
+    return written.lost
+
+
+def writer(stream: BinaryIO, first: Content, head: Head, *, suffix: str) -> Writer:
+    """Return a writer of runs."""
+    return Writer(stream, first, suffix)
+
+
+class Writer:
+    """Takes run after run."""
+
+    def __init__(self, stream: BinaryIO, first: Content, suffix: str) -> None:
+        names, _, self.lost = table_of(first)
+        if first.triangles is not None:
+            self.lost.append(f"{len(first.triangles)} triangles")
+        self._stream, self._rows = stream, 0
+        self._between = "," if suffix == ".csv" else " "
+        words = _written_names(names, self._between, self.lost)
+        if suffix == ".csv" or len(words) > 3:
+            stream.write((("" if suffix == ".csv" else "# ") + self._between.join(words) + "\n").encode())
+
+    def add(self, run: Content) -> None:
+        """Write one run."""
+        columns = table_of(run)[1]
+        for first in range(0, len(run.points), _CHUNK):
+            texts = [map(repr, _plain(c[first : first + _CHUNK]).tolist()) for c in columns]
+            self._stream.write(("\n".join(map(self._between.join, zip(*texts, strict=True))) + "\n").encode())
+        self._rows += len(run.points)
+
+    def close(self) -> None:
+        """Refuse a file of no points.
+
+        Raises
+        ------
+        InputError
+            If there were none.
+        """
+        if self._rows == 0:
+            raise InputError("a text file cannot hold a cloud of no points; write .ply or .npz")
 
 
 def _plain(column: NDArray[Any]) -> NDArray[Any]:
@@ -116,18 +178,33 @@ def _written_names(names: list[str], between: str, lost: list[str]) -> list[str]
     return words
 
 
-def _sniffed(source: Source, data: Bytes) -> _Layout:
-    """Find delimiter, names, count and the first row."""
-    head = data[:_SNIFFED].tobytes()
+def _sniffed(source: Source) -> _Layout:
+    """Find delimiter, names, count and the first row; in all of the file if a megabyte is not enough."""
+    head = source.head(_SNIFFED)
     if head.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in head:
         raise source.error("it is not plain text", f"byte {max(0, head.find(0))}", "save it as text in UTF-8")
-    newline = RETURN if b"\n" not in head and b"\r" in head else NEWLINE
-    at = 3 if head.startswith(b"\xef\xbb\xbf") else 0
+    layout = _layout_of(source, head, len(head) == source.size)
+    if layout is None and len(head) < source.size:
+        layout = _layout_of(source, source.head(source.size), True)
+    if layout is None:
+        raise source.error(
+            "there is no row of numbers", "the last line", "the file was cut, or it is not a table of points"
+        )
+    return layout
+
+
+def _layout_of(source: Source, data: bytes, whole: bool) -> _Layout | None:
+    """Go through the first lines to the first row of numbers; None if it is not there."""
+    newline = RETURN if b"\n" not in data[:_SNIFFED] and b"\r" in data else NEWLINE
+    at = 3 if data.startswith(b"\xef\xbb\xbf") else 0
     names: list[str] | None = None
     count: int | None = None
     while at < len(data):
-        stop = int(at + (np.flatnonzero(data[at : at + _SNIFFED] == newline)[:1].tolist() or [_SNIFFED])[0])
-        line = data[at : min(stop, len(data))].tobytes().decode("utf-8", "replace").strip()
+        stop = data.find(newline, at)
+        if stop < 0 and not whole:
+            return None
+        stop = len(data) if stop < 0 else stop
+        line = data[at:stop].decode("utf-8", "replace").strip()
         comment = _COMMENT.match(line)
         bare = line[comment.end() :].strip() if comment else re.split(r"#|//", line)[0].strip()
         if bare:
@@ -140,27 +217,23 @@ def _sniffed(source: Source, data: Bytes) -> _Layout:
             elif not numbers and names is None and count is None and _names(words):
                 names = _names(words)
             elif not numbers and not any(_NUMBER.fullmatch(w) for w in words):
-                line_number = line_of(data, at, newline)
                 raise source.error(
-                    f"{bare[:60]!r} is neither numbers nor column names", f"line {line_number}", _COLUMNS_CURE
-                )
+                    f"{bare[:60]!r} is neither numbers nor column names", f"line {source.line_at(at, newline)}",
+                    _COLUMNS_CURE,
+                )  # fmt: skip
             elif numbers and len(words) == 1 and count is None and words[0].isdigit():
                 count = int(words[0])
             else:
-                return _checked(
-                    source, data, _Layout(at, len(words), ord(delimiter or "\0"), newline, names, count, comma)
-                )
+                return _checked(source, _Layout(at, len(words), ord(delimiter or "\0"), newline, names, count, comma))
         at = stop + 1
-    raise source.error(
-        "there is no row of numbers", "the last line", "the file was cut, or it is not a table of points"
-    )
+    return None
 
 
-def _checked(source: Source, data: Bytes, layout: _Layout) -> _Layout:
+def _checked(source: Source, layout: _Layout) -> _Layout:
     if layout.names is not None and len(layout.names) != layout.columns:
         layout.names = None
     if layout.columns < 3:
-        line = line_of(data, layout.start, layout.newline)
+        line = source.line_at(layout.start, layout.newline)
         raise source.error(f"its rows have {layout.columns} columns, three are needed", f"line {line}", _COLUMNS_CURE)
     return layout
 
