@@ -7,7 +7,7 @@ import pytest
 
 import naive
 from surfel import Crossings, Lines
-from surfel.measuring.line_sums import COLUMNS, inertia_tensor, line_values, moments_of, shift_sums
+from surfel.measuring.line_sums import COLUMNS, inertia_tensor, moments_of, set_sums
 
 
 def _crossings(rows, weights=None):
@@ -27,7 +27,7 @@ def test_each_line_adds_its_hits_and_its_pieces_inside():
     weights = [rng.random(c) for c in hit_counts]
     hits = _crossings([np.sort(rng.standard_normal(c)) for c in hit_counts], weights)
     origin = np.array([0.3, -0.2, 0.9])
-    values = line_values(lines, hits, _crossings(events), origin)
+    values = set_sums(lines, hits, _crossings(events), origin, 6)
     assert values.shape == (6, COLUMNS)
     for row, t in enumerate(events):
         assert values[row, 0] == pytest.approx(weights[row].sum())
@@ -46,7 +46,7 @@ def test_lines_through_a_ball_add_up_to_its_area_and_its_moments():
     lines = Lines.of(a, b - a, 1.0)
     rows = naive.sphere_hits(lines.origins - centre, lines.directions, radius)
     crossings = _crossings(rows)
-    sums = line_values(lines, crossings, crossings, np.zeros(3)).sum(axis=0)
+    sums = set_sums(lines, crossings, crossings, np.zeros(3), 1)[0]
     found = moments_of(sums, n, 0.5 * np.pi * 4.0 * np.pi * 9.0)
     volume = 4.0 / 3.0 * np.pi * radius**3
     assert found.area == pytest.approx(4.0 * np.pi * radius**2, rel=0.02)
@@ -62,11 +62,11 @@ def test_even_lines_stand_for_odd_ones():
     lines = Lines.of(np.zeros((4, 3)), np.tile([0.0, 0.0, 1.0], (4, 1)), 1.0)
     whole = _crossings([[0, 1]] * 4)
     leaky = _crossings([[0, 1], [0, 1], [0], [0, 1]])
-    ours, theirs = (moments_of(line_values(lines, e, e, np.zeros(3)).sum(axis=0), 4, 1.0) for e in (whole, leaky))
+    ours, theirs = (moments_of(set_sums(lines, e, e, np.zeros(3), 1)[0], 4, 1.0) for e in (whole, leaky))
     assert theirs.volume == pytest.approx(ours.volume)
     assert theirs.odd == 0.25 and theirs.area < ours.area
     nothing = _crossings([[0]] * 4)
-    assert moments_of(line_values(lines, nothing, nothing, np.zeros(3)).sum(axis=0), 4, 1.0).volume == 0.0
+    assert moments_of(set_sums(lines, nothing, nothing, np.zeros(3), 1)[0], 4, 1.0).volume == 0.0
 
 
 def test_the_inertia_tensor_is_about_the_centroid():
@@ -81,6 +81,14 @@ def test_the_inertia_tensor_is_about_the_centroid():
     np.testing.assert_allclose(tensor, expected, rtol=1e-10)
 
 
-def test_sums_of_shifts_are_kept_apart():
-    values = np.random.default_rng(3).random((12, COLUMNS))
-    np.testing.assert_allclose(shift_sums(values, 3), [values[:4].sum(0), values[4:8].sum(0), values[8:].sum(0)])
+def test_sets_and_leaves_are_kept_apart():
+    rng = np.random.default_rng(3)
+    lines = Lines.of(rng.standard_normal((12, 3)), rng.standard_normal((12, 3)), 1.0)
+    rows = [np.sort(rng.standard_normal(count)) for count in rng.integers(0, 5, 12)]
+    plain = _crossings(rows, [rng.random(len(row)) for row in rows])
+    hits = Crossings(plain.offsets, plain.t, plain.cosine, plain.weight, rng.integers(0, 3, len(plain.t), np.int32))
+    each = set_sums(lines, hits, hits, np.zeros(3), 12, leaves=3)
+    sums = set_sums(lines, hits, hits, np.zeros(3), 3, leaves=3)
+    np.testing.assert_allclose(sums, each.reshape(3, 4, -1).sum(axis=1))
+    np.testing.assert_allclose(sums[:, COLUMNS:].sum(axis=1), sums[:, 0])
+    assert each[0, COLUMNS + 1] == pytest.approx(hits.weight[: len(rows[0])][hits.leaf[: len(rows[0])] == 1].sum())

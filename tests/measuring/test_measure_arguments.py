@@ -57,7 +57,7 @@ def test_a_tolerance_out_of_reach_is_foreseen(monkeypatch):
     from surfel.measuring import by_lines
 
     cast, known = [], by_lines._cast
-    monkeypatch.setattr(by_lines, "_cast", lambda *a: cast.append(a[3] - a[2]) or known(*a))
+    monkeypatch.setattr(by_lines, "_cast", lambda *a: cast.append(a[4] - a[3]) or known(*a))
     with pytest.raises(surfel.ConvergenceError, match=r"not known to 1e-09 .* would be after about \de\+\d+ of them"):
         surfel.measure(CLOUD, lines=64, tolerance=1e-9)
     assert by_lines.SHIFTS * sum(cast) < 1e5

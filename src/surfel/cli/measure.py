@@ -20,7 +20,7 @@ SEQUENCES = ("niederreiter", "r4", "sobol", "halton", "random")
 
 
 def measure(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="A cloud or a mesh.")],
+    file: Annotated[str, typer.Argument(metavar="FILE", help="A cloud, a mesh or a CSG tree; - is standard input.")],
     as_: ReadAs = None,
     method: Annotated[
         str | None,
@@ -43,7 +43,7 @@ def measure(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Measure a cloud or a mesh: area, volume, centroid and inertia, each as value +- error."""
+    """Measure a cloud, a mesh or a CSG tree: area, volume, centroid and inertia, each as value +- error."""
     from surfel.cli.output import Output
 
     form = as_form(as_)
@@ -104,13 +104,5 @@ def _with_solid(shape: Shape, solid: bool | None) -> Shape:
     from surfel.shapes.surfels import Surfels
 
     if not isinstance(shape, Surfels):
-        raise InputError("--solid and --sheet speak of clouds; this file is a mesh (--as points takes its vertices)")
-    return Surfels(
-        shape.points,
-        normals=shape.normals,
-        radii=shape.radii,
-        colors=shape.colors,
-        attributes=shape.attributes,
-        solid=solid,
-        provenance=shape.provenance,
-    )
+        raise InputError("--solid and --sheet speak of clouds, and this file holds none (--as points: vertices)")
+    return shape.with_solid(solid)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -13,7 +13,7 @@ KINDS = ("random", "blue")
 
 
 def sample(
-    solid: Annotated[str, typer.Argument(metavar="SOLID", help="A mesh.")],
+    solid: Annotated[str, typer.Argument(metavar="SOLID", help="A mesh, or a CSG tree (.csg).")],
     out: Annotated[str, typer.Option("--output", "-o", metavar="OUT", help="The cloud to write.")],
     number: Annotated[int | None, typer.Option("--number", "-n", metavar="N", help="How many points.")] = None,
     kind: Annotated[
@@ -27,7 +27,7 @@ def sample(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Sample points with outward normals from the surface of a mesh."""
+    """Sample points with outward normals from the surface of a solid."""
     from surfel.cli.output import Output, shown
     from surfel.core.cast import as_choice, as_count, as_positive
     from surfel.core.errors import InputError
@@ -42,11 +42,17 @@ def sample(
     import surfel
 
     with Output(as_json, quiet) as output:
-        mesh = surfel.read(solid)
-        if not isinstance(mesh, surfel.Mesh):
-            raise InputError(f"{shown(solid)} holds points alone; sample needs a mesh")
+        shape = surfel.read(solid)
+        if isinstance(shape, surfel.Surfels):
+            raise InputError(f"{shown(solid)} holds points alone; sample needs a mesh or a tree of solids")
         started = time.perf_counter()
-        points, normals = surfel.sample(mesh, count, kind=kind, radius=reach, seed=seed)[:2]
+        points, normals = surfel.sample(shape, count, kind=kind, radius=reach, seed=seed)[:2]
         surfel.write(out, surfel.Surfels(points, normals=normals))
-        report = {"points": len(points), "area": float(mesh.area), "seconds": time.perf_counter() - started}
+        report = {"points": len(points), "area": _area_of(shape), "seconds": time.perf_counter() - started}
         output.facts(report, f"{shown(solid)} -> {shown(out)}")
+
+
+def _area_of(shape: Any) -> float:
+    import surfel
+
+    return float(shape.area) if isinstance(shape, surfel.Mesh) else float(surfel.measure(shape).area)

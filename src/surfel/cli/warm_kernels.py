@@ -9,7 +9,6 @@ from surfel._numba import is_cached
 from surfel.core.cast import Floats, read_only
 from surfel.core.crossings import Crossings
 from surfel.core.lines import Lines
-from surfel.core.patches import Patches
 from surfel.index import bvh_trace
 from surfel.index.bvh import TriangleBvh
 from surfel.lines.bundles import Bundles
@@ -82,9 +81,3 @@ class _Octahedron(Shape):
     def _sheets(self, crossings: Crossings) -> Crossings:
         assert isinstance(crossings, CloudCrossings)
         return crossings.merged()
-
-    def _patches(self, n: int) -> Patches:
-        raise NotImplementedError
-
-    def _contains(self, points: Floats) -> NDArray[np.bool_]:
-        raise NotImplementedError

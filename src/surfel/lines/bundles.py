@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from surfel._numba import rows, threads_for
 from surfel.core.cast import Floats
 from surfel.core.lines import Lines
 from surfel.lines.sequences import unit_points
@@ -80,13 +81,38 @@ class Bundles:
 
     def lines(self, bundle: int, first: int, last: int, total: int) -> Lines:
         """Return lines ``first`` to ``last - 1`` of the ``total`` lines of a bundle."""
-        place = self.low[bundle] + unit_points("r4", first, last - first, 2, self.shift[bundle]) * self.size[bundle]
-        count = last - first
-        return Lines(
-            self.centre + place @ self.across[bundle],
-            np.tile(self.directions[bundle], (count, 1)),
-            np.full(count, self.measure(bundle) / total),
-        )
+        one = slice(bundle, bundle + 1)
+        return self._some(one, first, last, total)
+
+    def block(self, first: int, last: int, total: int) -> Lines:
+        """Return lines ``first`` to ``last - 1`` of the ``total`` lines of every bundle, bundle by bundle."""
+        return self._some(slice(None), first, last, total)
+
+    def _some(self, which: slice, first: int, last: int, total: int) -> Lines:
+        points = unit_points("r4", first, last - first, 2)
+        measure = 2.0 * np.pi * self.size[which].prod(axis=1)
+        m = len(measure) * len(points)
+        lines = Lines(np.empty((m, 3)), np.empty((m, 3)), np.empty(m))
+        with threads_for(m):
+            _fill(
+                m, points, self.shift[which], self.low[which], self.size[which], self.centre, self.across[which],
+                self.directions[which], measure, np.int64(total), lines.origins, lines.directions, lines.weights,
+            )  # fmt: skip
+        return lines
+
+
+@rows
+def _fill(first, last, points, shift, low, size, centre, across, directions, measure, total, origins, along, weights):
+    """Write the lines of each bundle in turn, each through a shifted point of its rectangle."""
+    for i in range(first, last):
+        b, point = i // len(points), i % len(points)
+        u, v = points[point, 0] + shift[b, 0], points[point, 1] + shift[b, 1]
+        u = low[b, 0] + size[b, 0] * (u - 1.0 if u >= 1.0 else u)
+        v = low[b, 1] + size[b, 1] * (v - 1.0 if v >= 1.0 else v)
+        for k in range(3):
+            origins[i, k] = centre[k] + u * across[b, 0, k] + v * across[b, 1, k]
+            along[i, k] = directions[b, k]
+        weights[i] = measure[b] / total
 
 
 def _frame(direction: NDArray[np.float64]) -> Floats:

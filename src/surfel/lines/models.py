@@ -1,4 +1,4 @@
-"""From points of the four-dimensional unit cube to lines of the invariant measure through a ball or a box.
+"""From points of the four-dimensional unit cube to lines of the invariant measure through a ball, a box or a cylinder.
 
 Lines in space have one measure, up to a factor, that no rigid motion changes (Li, Wang, Martin and Bowyer, *Using
 low-discrepancy sequences and the Crofton formula to compute surface areas of geometric models*, Computer-Aided Design
@@ -24,9 +24,10 @@ from surfel._numba import threads_for
 from surfel.core.cast import Floats, as_choice, as_count, as_number, as_positive, as_rows, as_vector
 from surfel.core.errors import InputError
 from surfel.core.lines import Lines
+from surfel.lines.cylinder import EnclosingCylinder, fill_cylinder
 from surfel.lines.enclosing import Ball, OrientedBox
 from surfel.lines.maps import fill_box, fill_chords, fill_offsets, fill_tangents
-from surfel.lines.sequences import Sequence, unit_points
+from surfel.lines.sequences import Sequence, shifted_points
 
 MODELS = ("chord", "tangent", "offset")
 
@@ -116,10 +117,48 @@ def lines_through_box(points01: ArrayLike, box: OrientedBox) -> Lines:
     return _box_lines(points, box, len(points))
 
 
+def lines_through_cylinder(points01: ArrayLike, cylinder: EnclosingCylinder) -> Lines:
+    """Return lines through a cylinder, one for each point of the unit cube; every one of them hits it.
+
+    As in :func:`lines_through_box`: a uniform point of entry, and a direction around the inward normal with density
+    cos(psi) / pi.
+
+    Parameters
+    ----------
+    points01 : array_like, shape (m, 4)
+        Points of the unit cube: x_0 chooses the end or the height, x_1 the angle, x_2 and x_3 a direction.
+    cylinder : EnclosingCylinder
+        Its surface must be positive; its height may be 0.
+
+    Returns
+    -------
+    Lines
+        m lines, with weights pi S / (2 m), S the surface of the cylinder.
+
+    Raises
+    ------
+    InputError
+        If the points are not (m, 4) in [0, 1] or the cylinder has no surface.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surfel.lines.cylinder import EnclosingCylinder
+    >>> from surfel.lines.models import lines_through_cylinder
+    >>> from surfel.lines.sequences import unit_points
+    >>> body = EnclosingCylinder(np.zeros(3), np.eye(3), 1.0, 1.0)
+    >>> lines = lines_through_cylinder(unit_points("niederreiter", 0, 1024), body)
+    >>> print(f"{2 * lines.weights.sum() / np.pi**2:.4f}")
+    6.0000
+    """
+    points = _as_unit_points(points01)
+    return _cylinder_lines(points, cylinder, len(points))
+
+
 def line_block(
     sequence: Sequence,
     model: str,
-    body: Ball | OrientedBox,
+    body: Ball | OrientedBox | EnclosingCylinder,
     start: int,
     count: int,
     total: int,
@@ -135,8 +174,8 @@ def line_block(
     sequence : str or scipy.stats.qmc.QMCEngine
     See :func:`surfel.lines.sequences.unit_points`.
     model : {"tangent", "chord", "offset"}
-    How a point becomes a line through a ball; a box has a way of its own.
-    body : Ball or OrientedBox
+    How a point becomes a line through a ball; a box and a cylinder have ways of their own.
+    body : Ball, OrientedBox or EnclosingCylinder
     What the lines hit; all that is measured must lie inside.
     start, count : int
     Which lines.
@@ -165,11 +204,13 @@ def line_block(
     """
     as_choice(model, "model", MODELS)
     number = as_count(total, "total")
-    points = unit_points(sequence, start, count, 4, shift)
+    points = shifted_points(sequence, start, count, 4, shift)
     if isinstance(body, OrientedBox):
         return _box_lines(points, body, number)
+    if isinstance(body, EnclosingCylinder):
+        return _cylinder_lines(points, body, number)
     if not isinstance(body, Ball):
-        raise InputError(f"body must be a Ball or an OrientedBox; got {type(body).__name__}")
+        raise InputError(f"body must be a Ball, an OrientedBox or an EnclosingCylinder; got {type(body).__name__}")
     as_positive(body.radius, "the radius of the ball")
     return _ball_lines(points, body, model, number)
 
@@ -198,6 +239,20 @@ def _box_lines(points: Floats, box: OrientedBox, total: int) -> Lines:
     lines = _empty(len(points), surface, total)
     with threads_for(len(points)):
         fill_box(len(points), points, box.centre, box.axes, box.half, lines.origins, lines.directions)
+    return lines
+
+
+def _cylinder_lines(points: Floats, body: EnclosingCylinder, total: int) -> Lines:
+    surface = as_number(body.surface, "the surface of the cylinder")
+    if surface <= 0.0:
+        raise InputError(f"the cylinder has no surface (radius {body.radius:g}): no line can be drawn through it")
+    lines = _empty(len(points), surface, total)
+    centre = np.ascontiguousarray(body.centre, dtype=np.float64)
+    with threads_for(len(points)):
+        fill_cylinder(
+            len(points), points, centre, np.ascontiguousarray(body.axes), float(body.radius), float(body.half_height),
+            lines.origins, lines.directions,
+        )  # fmt: skip
     return lines
 
 

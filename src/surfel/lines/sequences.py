@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from surfel._numba import kernel
+from surfel._numba import kernel, rows, threads_for
 from surfel.core.cast import Floats, as_choice, as_count, as_vector
 from surfel.core.errors import InputError
 from surfel.lines.niederreiter import MOST_DIMENSIONS, niederreiter
@@ -76,6 +76,40 @@ def unit_points(
         by = as_vector(shift, "shift", size) % 1.0
         _shift(points, np.where(by < 1.0, by, 0.0))  # the rest of a tiny negative number rounds to 1
     return points
+
+
+def shifted_points(
+    sequence: Sequence, start: int, count: int, dimension: int, shift: ArrayLike | None = None
+) -> Floats:
+    """Return a run of points as :func:`unit_points` does, or one after the other with each of several shifts.
+
+    Parameters
+    ----------
+    sequence, start, count, dimension
+        As there; the run is made once.
+    shift : array_like, shape (dimension,) or (s, dimension), optional
+        One shift, or s of them.
+
+    Returns
+    -------
+    Floats, shape (count, dimension) or (s * count, dimension)
+        In [0, 1).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surfel.lines.sequences import shifted_points
+    >>> shifted_points("r4", 0, 2, 1, np.array([[0.0], [0.5]])).round(4).ravel().tolist()
+    [0.118, 0.7361, 0.618, 0.2361]
+    """
+    if shift is None or np.ndim(shift) < 2:
+        return unit_points(sequence, start, count, dimension, shift)
+    every = np.asarray(shift, np.float64)
+    points = unit_points(sequence, start, count, dimension)
+    found = np.empty((len(every) * len(points), dimension))
+    with threads_for(len(found)):
+        _shift_all(len(found), points, every, found)
+    return found
 
 
 def shifts(seed: int, number: int, dimension: int = 4) -> Floats:
@@ -239,3 +273,13 @@ def _shift(points, shift):
         for d in range(points.shape[1]):
             x = points[i, d] + shift[d]
             points[i, d] = x - 1.0 if x >= 1.0 else x
+
+
+@rows
+def _shift_all(first, last, points, shifts, found):
+    """Write the points with each shift in turn, modulo 1; shifts are in [0, 1)."""
+    for i in range(first, last):
+        which, point = i // len(points), i % len(points)
+        for d in range(points.shape[1]):
+            x = points[point, d] + shifts[which, d]
+            found[i, d] = x - 1.0 if x >= 1.0 else x

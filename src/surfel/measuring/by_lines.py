@@ -14,11 +14,13 @@ from surfel.core.estimate import Estimate
 from surfel.core.execute import Policy, Progress, blocks, run_blocks
 from surfel.core.lines import Lines
 from surfel.lines.box import OrientedBox
+from surfel.lines.cylinder import EnclosingCylinder
 from surfel.lines.enclosing import Ball
 from surfel.lines.models import line_block
 from surfel.lines.sequences import from_shifts, shifts
-from surfel.measuring.line_sums import COLUMNS, Moments, inertia_tensor, line_values, moments_of, shift_sums
+from surfel.measuring.line_sums import COLUMNS, Moments, inertia_tensor, moments_of, set_sums
 from surfel.shapes.base import Shape
+from surfel.shapes.tree import Tree
 
 SHIFTS = 16
 """Random shifts behind every error bar: with 8 the intervals were found to be too narrow."""
@@ -26,6 +28,7 @@ SHIFTS = 16
 MOST_LINES = 1 << 28
 """A tolerance that asks for more lines than this is refused."""
 
+_ROUNDING = 1e-13  # of a value that all sets agree upon
 _DOUBLINGS = 4  # before anything is extrapolated
 _LEAST_ORDER, _MOST_ORDER = 0.5, 1.25  # powers of the number of lines with which errors fall
 _LENIENT = 0.15  # of which one may be seen as so much less
@@ -40,8 +43,8 @@ class LineSource(Protocol):
         """What moments are taken about, shape (3,)."""
         ...
 
-    def lines(self, shift: int, first: int, last: int, total: int) -> Lines:
-        """Return lines first to last - 1 of the ``total`` lines of a set."""
+    def block(self, first: int, last: int, total: int) -> Lines:
+        """Return lines first to last - 1 of the ``total`` lines of every set, set by set."""
         ...
 
     def measure(self, shift: int) -> float:
@@ -53,13 +56,13 @@ class LineSource(Protocol):
 class ShiftedLines:
     """Lines of all directions through a convex body, from randomly shifted copies of one sequence."""
 
-    body: Ball | OrientedBox
+    body: Ball | OrientedBox | EnclosingCylinder
     model: str
     sequence: Any
     offsets: Floats
 
     @classmethod
-    def of(cls, body: Ball | OrientedBox, model: str, sequence: Any, seed: int) -> ShiftedLines:
+    def of(cls, body: Ball | OrientedBox | EnclosingCylinder, model: str, sequence: Any, seed: int) -> ShiftedLines:
         """Draw the shifts."""
         return cls(body, model, sequence, shifts(seed, SHIFTS, 4))
 
@@ -68,9 +71,9 @@ class ShiftedLines:
         """The middle of the body."""
         return np.asarray(self.body.centre)
 
-    def lines(self, shift: int, first: int, last: int, total: int) -> Lines:
-        """Return lines first to last - 1 of the ``total`` lines of a shift."""
-        return line_block(self.sequence, self.model, self.body, first, last - first, total, self.offsets[shift])
+    def block(self, first: int, last: int, total: int) -> Lines:
+        """Return lines first to last - 1 of the ``total`` lines of every shift, shift by shift."""
+        return line_block(self.sequence, self.model, self.body, first, last - first, total, self.offsets)
 
     def measure(self, shift: int) -> float:
         """Return the measure of the lines that hit the body, ``pi S / 2``."""
@@ -89,6 +92,8 @@ class LineResult:
         Share of the lines that hit which pass an odd number of sheets; NaN where none hit.
     lines : int
         How many were cast.
+    areas : tuple of Estimate
+        The area of each leaf.
     """
 
     area: Estimate
@@ -97,6 +102,7 @@ class LineResult:
     inertia: Estimate
     leak: float
     lines: int
+    areas: tuple[Estimate, ...]
 
 
 def measure_by_lines(
@@ -133,10 +139,12 @@ def measure_by_lines(
     ConvergenceError
         If more than :data:`MOST_LINES` lines would be needed, as far as the first few doublings tell.
     """
-    sums, done, wanted = np.zeros((SHIFTS, COLUMNS)), 0, max(1, -(-lines // SHIFTS))
+    done, wanted = 0, max(1, -(-lines // SHIFTS))
+    leaves = len(shape.leaves) if isinstance(shape, Tree) and goal == "area" else 0
+    sums = np.zeros((SHIFTS, COLUMNS + leaves))
     widths: list[float] = []
     while True:
-        sums = sums + _cast(shape, source, done, wanted, policy, progress)
+        sums = sums + _cast(shape, leaves, source, done, wanted, policy, progress)
         done = wanted
         result = _estimates(sums, done, source)
         if tolerance is None:
@@ -155,29 +163,30 @@ def measure_by_lines(
 
 
 def _cast(
-    shape: Shape, source: LineSource, start: int, stop: int, policy: Policy | None, progress: Progress | None
+    shape: Shape,
+    leaves: int,
+    source: LineSource,
+    start: int,
+    stop: int,
+    policy: Policy | None,
+    progress: Progress | None,
 ) -> Floats:
-    """Return the column sums of each set over its lines start to stop."""
+    """Return the column sums of each set over its lines start to stop, and the weighted hits of each leaf."""
 
     def block(span: tuple[int, int]) -> Floats:
         first, last = start + span[0], start + span[1]
-        parts = [source.lines(shift, first, last, stop) for shift in range(SHIFTS)]
-        lines = Lines(
-            np.concatenate([part.origins for part in parts]),
-            np.concatenate([part.directions for part in parts]),
-            np.concatenate([part.weights for part in parts]),
-        )
+        lines = source.block(first, last, stop)
         hits = shape._cross(lines)
-        return shift_sums(line_values(lines, hits, shape._sheets(hits), source.centre), SHIFTS)
+        return set_sums(lines, hits, shape._sheets(hits), source.centre, SHIFTS, leaves)
 
-    total = np.zeros((SHIFTS, COLUMNS))
+    total = np.zeros((SHIFTS, COLUMNS + leaves))
     for part in run_blocks(block, blocks(stop - start, _BLOCK), policy, progress, "casting lines"):
         total += part
     return total
 
 
 def _estimates(sums: Floats, per_shift: int, source: LineSource) -> LineResult:
-    parts = [moments_of(row, per_shift, source.measure(shift)) for shift, row in enumerate(sums)]
+    parts = [moments_of(row[:COLUMNS], per_shift, source.measure(shift)) for shift, row in enumerate(sums)]
     area = _over_shifts(np.array([part.area for part in parts]))
     volume = _over_shifts(np.array([part.volume for part in parts]))
     if min(part.volume for part in parts) > 0.0:
@@ -190,8 +199,10 @@ def _estimates(sums: Floats, per_shift: int, source: LineSource) -> LineResult:
         reason = "no line passes through an inside" if volume.value == 0.0 else "too few lines hit"
         centroid = Estimate.unknown(reason, np.full(3, np.nan))
         inertia = Estimate.unknown(reason, np.full((3, 3), np.nan))
-    hit, odd = np.array([source.measure(shift) for shift in range(len(sums))]) @ sums[:, 1:3]
-    return LineResult(area, volume, centroid, inertia, float(odd / hit) if hit else math.nan, per_shift * SHIFTS)
+    measures = np.array([source.measure(shift) for shift in range(len(sums))])
+    hit, odd = measures @ sums[:, 1:3]
+    areas = tuple(_over_shifts(measures * column / (per_shift * np.pi)) for column in sums[:, COLUMNS:].T) or (area,)
+    return LineResult(area, volume, centroid, inertia, float(odd / hit) if hit else math.nan, per_shift * SHIFTS, areas)
 
 
 def _over_shifts(values: Floats) -> Estimate:
@@ -199,7 +210,7 @@ def _over_shifts(values: Floats) -> Estimate:
         1.0, math.frexp(float(np.abs(values).max()))[1] - 1
     )  # squares of raw values may over- or underflow
     mean, error, freedom = from_shifts(values / unit)
-    return Estimate(mean * unit, error * unit, freedom=freedom)
+    return Estimate(mean * unit, np.hypot(error, _ROUNDING * np.abs(mean)) * unit, freedom=freedom)
 
 
 def _mean(parts: list[Moments]) -> Moments:

@@ -12,7 +12,7 @@ from surfel.core.crossings import Crossings
 from surfel.core.lines import Lines
 
 COLUMNS = 13
-"""Per line: weighted hits; 1 where hit; 1 where odd; length; 3 first and 6 second moments of the pieces inside."""
+"""Of a line: weighted hits; 1 if hit; 1 if odd; length; 3 first and 6 second moments of the pieces inside."""
 
 
 class Moments(NamedTuple):
@@ -29,13 +29,15 @@ class Moments(NamedTuple):
     odd: float
 
 
-def line_values(lines: Lines, hits: Crossings, events: Crossings, origin: Floats) -> Floats:
-    """Return what each line adds, shape (m, 13), the columns as in :data:`COLUMNS`.
+def set_sums(lines: Lines, hits: Crossings, events: Crossings, origin: Floats, sets: int, leaves: int = 0) -> Floats:
+    """Return what the lines of each set add up to, shape (sets, 13 + leaves), the columns as in :data:`COLUMNS`.
+
+    Lines run set by set, and each set is added up in the order of its lines.
 
     Parameters
     ----------
     lines : Lines
-        The lines.
+        As many for each set.
     hits : Crossings
         Every hit, with its weight: for the area.
     events : Crossings
@@ -43,14 +45,18 @@ def line_values(lines: Lines, hits: Crossings, events: Crossings, origin: Floats
         and the fourth, and so on. An odd line leaks: its pieces are not counted.
     origin : Floats, shape (3,)
         What moments are taken about.
+    sets : int
+        How many.
+    leaves : int
+        So many further columns hold the weighted hits of each leaf.
     """
-    values = np.zeros((len(lines), COLUMNS))
+    sums = np.zeros((sets, COLUMNS + leaves))
     with threads_for(2 * len(lines)):
-        _integrate(
-            len(lines), lines.origins, lines.directions, origin, hits.offsets, hits.weight, events.offsets, events.t,
-            values,
+        _add_up(
+            sets, len(lines) // sets, lines.origins, lines.directions, origin, hits.offsets, hits.weight, hits.leaf,
+            events.offsets, events.t, leaves, sums,
         )  # fmt: skip
-    return values
+    return sums
 
 
 def moments_of(sums: Floats, lines: int, measure: float) -> Moments:
@@ -89,36 +95,34 @@ def inertia_tensor(volume: float, first: Floats, second: Floats) -> tuple[Floats
 
 
 @rows
-def _integrate(first, last, origins, directions, origin, hit_offsets, weight, offsets, t, values):
-    for line in range(first, last):
-        total = 0.0
-        for k in range(hit_offsets[line], hit_offsets[line + 1]):
-            total += weight[k]
-        values[line, 0] = total
-        count = offsets[line + 1] - offsets[line]
-        if count == 0:
-            continue
-        values[line, 1] = 1.0
-        if count % 2 == 1:
-            values[line, 2] = 1.0
-            continue
-        ox, oy, oz = origins[line, 0] - origin[0], origins[line, 1] - origin[1], origins[line, 2] - origin[2]
-        dx, dy, dz = directions[line, 0], directions[line, 1], directions[line, 2]
-        for k in range(offsets[line], offsets[line + 1], 2):
-            a, b = t[k], t[k + 1]
-            one, two, three = b - a, 0.5 * (b * b - a * a), (b * b * b - a * a * a) / 3.0
-            values[line, 3] += one
-            values[line, 4] += ox * one + dx * two
-            values[line, 5] += oy * one + dy * two
-            values[line, 6] += oz * one + dz * two
-            values[line, 7] += ox * ox * one + 2.0 * ox * dx * two + dx * dx * three
-            values[line, 8] += ox * oy * one + (ox * dy + oy * dx) * two + dx * dy * three
-            values[line, 9] += ox * oz * one + (ox * dz + oz * dx) * two + dx * dz * three
-            values[line, 10] += oy * oy * one + 2.0 * oy * dy * two + dy * dy * three
-            values[line, 11] += oy * oz * one + (oy * dz + oz * dy) * two + dy * dz * three
-            values[line, 12] += oz * oz * one + 2.0 * oz * dz * two + dz * dz * three
-
-
-def shift_sums(values: Floats, shifts: int) -> Floats:
-    """Return the column sums of each shift, shape (shifts, 13); the rows of ``values`` run shift by shift."""
-    return np.asarray(values.reshape(shifts, -1, COLUMNS).sum(axis=1))
+def _add_up(
+    first, last, per_set, origins, directions, origin, hit_offsets, weight, leaf, offsets, t, leaves, sums
+):  # fmt: skip
+    for which in range(first, last):
+        for line in range(which * per_set, (which + 1) * per_set):
+            for k in range(hit_offsets[line], hit_offsets[line + 1]):
+                sums[which, 0] += weight[k]
+                if leaves > 0:
+                    sums[which, COLUMNS + leaf[k]] += weight[k]
+            count = offsets[line + 1] - offsets[line]
+            if count == 0:
+                continue
+            sums[which, 1] += 1.0
+            if count % 2 == 1:
+                sums[which, 2] += 1.0
+                continue
+            ox, oy, oz = origins[line, 0] - origin[0], origins[line, 1] - origin[1], origins[line, 2] - origin[2]
+            dx, dy, dz = directions[line, 0], directions[line, 1], directions[line, 2]
+            for k in range(offsets[line], offsets[line + 1], 2):
+                a, b = t[k], t[k + 1]
+                one, two, three = b - a, 0.5 * (b * b - a * a), (b * b * b - a * a * a) / 3.0
+                sums[which, 3] += one
+                sums[which, 4] += ox * one + dx * two
+                sums[which, 5] += oy * one + dy * two
+                sums[which, 6] += oz * one + dz * two
+                sums[which, 7] += ox * ox * one + 2.0 * ox * dx * two + dx * dx * three
+                sums[which, 8] += ox * oy * one + (ox * dy + oy * dx) * two + dx * dy * three
+                sums[which, 9] += ox * oz * one + (ox * dz + oz * dx) * two + dx * dz * three
+                sums[which, 10] += oy * oy * one + 2.0 * oy * dy * two + dy * dy * three
+                sums[which, 11] += oy * oz * one + (oy * dz + oz * dy) * two + dy * dz * three
+                sums[which, 12] += oz * oz * one + 2.0 * oz * dz * two + dz * dz * three

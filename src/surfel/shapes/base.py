@@ -3,19 +3,36 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from surfel.core.cast import Floats, as_count, as_points, as_rows
+from surfel.core.affine import reflection, rotation, scaling, translation
+from surfel.core.cast import Floats, as_count, as_points
 from surfel.core.crossings import Crossings
 from surfel.core.errors import InputError
 from surfel.core.lines import Lines
 from surfel.core.patches import Patches
 
+if TYPE_CHECKING:
+    from surfel.shapes.tree import Difference, Intersection, Union
+
+CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+"""Which end of a box each of its corners has along each axis."""
+
+MARGIN = 1e-14
+"""What is added round exact solids so that rounding leaves nothing outside, in their largest coordinates."""
+
 
 class Shape(ABC):
-    """A solid or a sheet. Public methods validate; the private ones that a subclass writes do the work."""
+    """A solid or a sheet. Public methods validate; the private ones that a subclass writes do the work.
+
+    Shapes are combined by ``a | b`` (union), ``a & b`` (intersection) and ``a - b`` (difference), and moved by the
+    methods below; each gives a new shape.
+    """
+
+    __array_ufunc__ = None  # the operators of numpy's arrays leave shapes alone
 
     @property
     @abstractmethod
@@ -26,17 +43,30 @@ class Shape(ABC):
     def _cross(self, lines: Lines) -> Crossings:
         """Return every hit of every line, sorted along each line."""
 
+    def _events(self, lines: Lines) -> Crossings:
+        """Return what a tree needs of a solid: in and out in turn, from t = -inf or to t = inf where it has no end."""
+        return self._cross(lines)
+
+    def _hull(self) -> tuple[Floats, float]:
+        """Return points whose convex hull, grown by a margin, holds all that can be crossed."""
+        corners = self.bounds[CORNERS, range(3)]
+        return corners, MARGIN * float(np.abs(corners).max())
+
+    def _is_sheet(self) -> bool:
+        """Tell whether the shape has no inside."""
+        return False
+
     def _sheets(self, crossings: Crossings) -> Crossings:
         """Return one event for each passage through the surface; on an exact surface every hit is one."""
         return crossings
 
-    @abstractmethod
     def _patches(self, n: int) -> Patches:
         """Return elements of the surface whose areas sum to its area."""
+        raise InputError(f"the surface of a {type(self).__name__} cannot be sampled; cross it with lines instead")
 
-    @abstractmethod
     def _contains(self, points: Floats) -> NDArray[np.bool_]:
         """Return which of the points lie inside."""
+        raise InputError(f"a {type(self).__name__} has no inside; leave contains out")
 
     def cross(self, lines: Lines) -> Crossings:
         """Cross the shape with lines.
@@ -95,15 +125,37 @@ class Shape(ABC):
         """
         return self._contains(as_points(points))
 
+    def transformed(self, matrix: ArrayLike) -> Shape:
+        """Return the shape under an affine map given as a 4 x 4 matrix; its last row is 0 0 0 1."""
+        raise InputError(f"a {type(self).__name__} cannot be moved; move what it was made from")
 
-def as_affine(matrix: ArrayLike) -> Floats:
-    """Return a 4 x 4 affine matrix, or say what is wrong with it."""
-    array = as_rows(matrix, "matrix", 4, 4)
-    if not np.isfinite(array).all():
-        raise InputError("matrix must be finite")
-    if not np.array_equal(array[3], [0.0, 0.0, 0.0, 1.0]):
-        raise InputError(f"the last row of matrix must be 0 0 0 1 (an affine map); got {array[3].tolist()}")
-    scale = float(np.abs(array[:3, :3]).max())
-    if scale == 0.0 or abs(np.linalg.det(array[:3, :3] / scale)) < 1e-12:
-        raise InputError("matrix must not be singular: it would flatten the shape")
-    return array
+    def translated(self, vector: ArrayLike) -> Shape:
+        """Return the shape moved by a vector."""
+        return self.transformed(translation(vector))
+
+    def rotated(self, axis: ArrayLike, degrees: float) -> Shape:
+        """Return the shape turned about an axis through the origin, counterclockwise seen from the axis' tip."""
+        return self.transformed(rotation(axis, degrees))
+
+    def scaled(self, factors: ArrayLike) -> Shape:
+        """Return the shape stretched from the origin by one positive factor, or by one along each axis."""
+        return self.transformed(scaling(factors))
+
+    def mirrored(self, normal: ArrayLike) -> Shape:
+        """Return the shape reflected in the plane through the origin across ``normal``."""
+        return self.transformed(reflection(normal))
+
+    def __or__(self, other: Shape) -> Union:
+        from surfel.shapes.tree import Union
+
+        return Union.joining(self, other)
+
+    def __and__(self, other: Shape) -> Intersection:
+        from surfel.shapes.tree import Intersection
+
+        return Intersection.joining(self, other)
+
+    def __sub__(self, other: Shape) -> Difference:
+        from surfel.shapes.tree import Difference
+
+        return Difference.joining(self, other)

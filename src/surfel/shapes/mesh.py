@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from surfel.core.affine import as_affine
 from surfel.core.cast import Floats, as_count, as_points, read_only
 from surfel.core.crossings import Crossings
 from surfel.core.errors import InputError
 from surfel.core.lines import Lines
 from surfel.core.patches import Patches
 from surfel.core.triangles import as_triangles
-from surfel.shapes.base import Shape, as_affine
+from surfel.shapes.base import Shape
 
 if TYPE_CHECKING:
     from surfel.index.bvh import TriangleBvh
@@ -188,7 +189,7 @@ class Mesh(Shape):
         InputError
             If the mesh has no area.
         """
-        from surfel.shapes.sample import spread
+        from surfel.shapes.sample_mesh import spread
 
         points, triangles = spread(self, as_count(n, "n"), as_count(seed, "seed", 0))
         return Patches(points, self.face_normals[triangles], np.full(len(points), self.area / len(points)))
@@ -208,6 +209,12 @@ class Mesh(Shape):
         along = np.repeat(lines.directions, np.diff(offsets), axis=0)
         cosine = np.einsum("ij,ij->i", along, self.face_normals[triangle])
         return Crossings(offsets, t, cosine, np.ones(len(t)), np.zeros(len(t), np.int32))
+
+    def _hull(self) -> tuple[Floats, float]:
+        return self._vertices, 1e-6 * float(np.abs(self._vertices - self._vertices.mean(axis=0)).max())
+
+    def _is_sheet(self) -> bool:
+        return not self.closed
 
     def _patches(self, n: int) -> Patches:
         return self.patches(n)

@@ -3,39 +3,24 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel.core.cast import Floats, as_choice, as_count, as_positive
+from surfel.core.cast import as_choice, as_count, as_positive
 from surfel.core.errors import InputError
 from surfel.shapes.base import Shape
 from surfel.shapes.mesh import Mesh
+from surfel.shapes.placed import Placed
+from surfel.shapes.primitives.primitive import Primitive
+from surfel.shapes.sample_mesh import OfMesh, Samples, some_area
+from surfel.shapes.tree import Tree
 
-_R2 = np.array([0.7548776662466927, 0.5698402909980532])
 _CANDIDATES = 5  # for each point of blue noise
 _APART = 0.72  # of the distance in a hexagonal pattern
 _ROUNDS = 8
 _MOST = 200_000_000
-
-
-class Samples(NamedTuple):
-    """Points of a surface.
-
-    Parameters
-    ----------
-    points : Floats, shape (n, 3)
-        Where they lie.
-    normals : Floats, shape (n, 3)
-        Unit normals, outward where the shape is closed.
-    triangles : NDArray[np.int32], shape (n,)
-        The triangle of a mesh that each lies on; of another shape, which of its patches it is.
-    """
-
-    points: Floats
-    normals: Floats
-    triangles: NDArray[np.int32]
 
 
 def sample(
@@ -46,7 +31,8 @@ def sample(
     Parameters
     ----------
     shape : Shape
-        A mesh is sampled anywhere on its triangles; of another shape, some of its patches are chosen.
+        A mesh is sampled anywhere on its triangles, an exact solid and a tree anywhere on their surface; of a cloud,
+        some of its points are chosen.
     n : int, optional
         How many points; give either ``n`` or ``radius``.
     kind : {"random", "blue"}
@@ -82,51 +68,22 @@ def sample(
     rng = np.random.default_rng(as_count(seed, "seed", 0))
     if (n is None) == (radius is None):
         raise InputError("give either n, the number of points, or radius, the distance that they should cover")
-    source = _OfMesh(shape) if isinstance(shape, Mesh) else _OfPatches(shape)
+    source = _source_of(shape)
     if n is None:
         return _dense(source, as_positive(radius, "radius"), rng)
     count = as_count(n, "n")
     return source.random(count, rng) if kind == "random" else _blue(source, count, rng)
 
 
-def spread(mesh: Mesh, n: int, seed: int) -> tuple[Floats, NDArray[np.int32]]:
-    """Return ``n`` low-discrepancy points of the surface and their triangles; see :meth:`Mesh.patches`."""
-    source = _OfMesh(mesh)
-    shift = np.random.default_rng(seed).random(3)
-    order = mesh.bvh.order
-    reach = np.cumsum(mesh.areas[order])
-    numbers = np.arange(n)
-    rank = np.searchsorted(reach, (numbers + shift[0]) / n * reach[-1], side="right")
-    triangles = order[np.minimum(rank, len(reach) - 1)]
-    u, v = ((numbers * ratio + start) % 1.0 for ratio, start in zip(_R2, shift[1:], strict=True))
-    return source.place(triangles, u, v), triangles
+def _source_of(shape: Shape) -> Any:
+    """Return what draws points from a shape."""
+    if isinstance(shape, Mesh):
+        return OfMesh(shape)
+    if isinstance(shape, Tree | Primitive | Placed):
+        from surfel.shapes.sample_solid import OfSolid
 
-
-class _OfMesh:
-    """Draws from the triangles of a mesh."""
-
-    def __init__(self, mesh: Mesh) -> None:
-        self.mesh = mesh
-        self.area = _some_area(mesh.area)
-
-    def random(self, n: int, rng: np.random.Generator) -> Samples:
-        """Return ``n`` independent points, uniform by area."""
-        reach = np.cumsum(self.mesh.areas)
-        # the n sorted uniform numbers are found as sums of exponential ones: a sweep instead of n searches
-        gaps = np.cumsum(rng.standard_exponential(n + 1))
-        rank = np.searchsorted(reach, gaps[:-1] / gaps[-1] * reach[-1], side="right")
-        triangles = rng.permutation(np.minimum(rank, len(reach) - 1).astype(np.int32))
-        points = self.place(triangles, rng.random(n), rng.random(n))
-        return Samples(points, self.mesh.face_normals[triangles], triangles)
-
-    def place(self, triangles: NDArray[np.int32], u: Floats, v: Floats) -> Floats:
-        """Map the unit square to triangles so that areas stay equal."""
-        root = np.sqrt(u)
-        corners = self.mesh.triangles[triangles]
-        points = (1.0 - root)[:, None] * self.mesh.vertices[corners[:, 0]]
-        points += (root * (1.0 - v))[:, None] * self.mesh.vertices[corners[:, 1]]
-        points += (root * v)[:, None] * self.mesh.vertices[corners[:, 2]]
-        return points
+        return OfSolid(shape if isinstance(shape, Tree) else shape._alone)
+    return _OfPatches(shape)
 
 
 class _OfPatches:
@@ -134,7 +91,7 @@ class _OfPatches:
 
     def __init__(self, shape: Shape) -> None:
         self.shape = shape
-        self.area = _some_area(float(shape.patches().areas.sum()))
+        self.area = some_area(float(shape.patches().areas.sum()))
 
     def random(self, n: int, rng: np.random.Generator) -> Samples:
         """Return ``n`` patches, by area as far as none may come twice (the keys of Efraimidis and Spirakis, 2006)."""
@@ -147,12 +104,6 @@ class _OfPatches:
         return Samples(patches.points[rows], patches.normals[rows], rows.astype(np.int32))
 
 
-def _some_area(area: float) -> float:
-    if not area > 0.0:
-        raise InputError("the shape has no area: there is no surface to sample")
-    return area
-
-
 def _blue(source: Any, n: int, rng: np.random.Generator) -> Samples:
     """Eliminate crowded candidates, then part the pairs that are still too near with candidates from the gaps."""
     from surfel.shapes.sample_apart import eliminate, keep_apart
@@ -161,7 +112,7 @@ def _blue(source: Any, n: int, rng: np.random.Generator) -> Samples:
     drawn = source.random(_CANDIDATES * n, rng)
     order = eliminate(drawn.points, drawn.normals, n, hexagonal)
     kept = keep_apart(drawn.points, drawn.normals, order, n, _APART * hexagonal)
-    for _ in range(_ROUNDS if isinstance(source, _OfMesh) else 0):
+    for _ in range(_ROUNDS if not isinstance(source, _OfPatches) else 0):
         if len(kept) == n:
             break
         more = _joined(_rows(drawn, kept), source.random(_CANDIDATES * n, rng))
@@ -177,7 +128,7 @@ def _dense(source: Any, radius: float, rng: np.random.Generator) -> Samples:
     """Throw darts, then cover what is left, triangle by triangle."""
     from surfel.shapes.sample_apart import cover, keep_apart
 
-    if not isinstance(source, _OfMesh):
+    if not isinstance(source, OfMesh):
         raise InputError("radius needs a mesh: only there is a surface between the points")
     mesh = source.mesh
     darts = 3.0 * source.area / radius**2 + 16.0

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from surfel.core.affine import as_affine
 from surfel.core.cast import Floats, as_points, as_rows, read_only
 from surfel.core.crossings import Crossings
 from surfel.core.errors import InputError
 from surfel.core.lines import Lines
 from surfel.core.patches import Patches
-from surfel.shapes.base import Shape, as_affine
+from surfel.shapes.base import Shape
 
 if TYPE_CHECKING:
     from surfel.shapes.cloud_surface import CloudSurface
@@ -64,8 +65,6 @@ class Surfels(Shape):
     (2000, True)
     """
 
-    __array_ufunc__ = None  # the operators of numpy's arrays leave clouds alone
-
     def __init__(
         self,
         points: ArrayLike,
@@ -103,6 +102,32 @@ class Surfels(Shape):
         self._dropped = rows - len(self._points)
         self._lock = threading.RLock()
         self._surface: CloudSurface | None = None
+
+    @classmethod
+    def _adopted(
+        cls,
+        points: Floats,
+        normals: Floats | None,
+        radii: Floats | None,
+        colors: NDArray[Any] | None,
+        attributes: Mapping[str, NDArray[Any]],
+        provenance: Mapping[str, object],
+    ) -> Surfels:
+        """Take valid arrays that nobody else holds without a copy: finite points, normals that are unit or zero.
+
+        Readers hand over clouds so; what is checked and copied at the public door is known of them.
+        """
+        cloud = cls(np.empty((0, 3)), provenance=provenance)
+
+        def owned(array: NDArray[Any]) -> NDArray[Any]:
+            return read_only(np.ascontiguousarray(array))
+
+        cloud._points = owned(points)
+        cloud._normals = None if normals is None else owned(normals)
+        cloud._radii = None if radii is None else owned(radii)
+        cloud._colors = None if colors is None else owned(colors)
+        cloud._attributes = MappingProxyType({str(name): owned(value) for name, value in attributes.items()})
+        return cloud
 
     @property
     def points(self) -> Floats:
@@ -256,6 +281,13 @@ class Surfels(Shape):
             for name in ("points", "normals", "radii", "colors", "attributes", "solid", "provenance")
         }
         return Surfels(**{**same, **changes})
+
+    def _hull(self) -> tuple[Floats, float]:
+        patches = self.surface.patches
+        return patches.points[patches.areas != 0.0], 2.0 * self.surface.spacing
+
+    def _is_sheet(self) -> bool:
+        return not self._solid if self._solid is not None else len(self) > 0 and self.surface.leak >= CLOSED_BELOW
 
     def _cross(self, lines: Lines) -> Crossings:
         return self.surface.cross(lines)

@@ -1,0 +1,156 @@
+"""Measuring a cloud: its patches for the area, lines for what only lines can tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from surfel.core.estimate import Estimate, combine_errors
+from surfel.measuring.by_lines import LineResult
+from surfel.measuring.measurement import Measurement
+from surfel.shapes.cloud_surface import CloudSurface
+from surfel.shapes.surfels import CLOSED_BELOW, Surfels
+from surfel.surface.sampling_error import HALVES_FROM, TOO_NOISY
+
+FEW_POINTS = 100
+"""With fewer points no interval is called reliable."""
+
+
+def measure_cloud(
+    cloud: Surfels, method: str, count_lines: Callable[[], LineResult], weigh_inside: Callable[[], LineResult]
+) -> Measurement:
+    """Measure a cloud: its patches for the area, lines for what only lines can tell."""
+    surface = cloud.surface
+    known = Measurement(
+        area=Estimate(0.0, 0.0),
+        method=method,
+        points=len(cloud) + cloud.dropped,
+        cleaning={"non_finite": cloud.dropped, **surface.cleaning, "without_normal": _without_normal(cloud)},
+        spacing=surface.spacing,
+        noise=surface.noise,
+    )
+    if known.points == 0:
+        return replace(known, areas=(known.area,), warnings=("the cloud is empty",))
+    cleaned = _cleaning_warnings(known.cleaning, known.points)
+    local = surface.local
+    if local is None or local.area == 0.0:
+        what = "lie at fewer than four places" if local is None else "lie on a line, or too far apart to tell a surface"
+        area = Estimate.unknown(f"the {len(cloud)} points {what}: they show no surface")
+        return replace(known, area=area, areas=(area,), warnings=(area.reason, *cleaned))
+    counted = count_lines() if method == "lines" else None
+    found = weigh_inside()
+    area = _area_of_cloud(surface, counted)
+    warnings = [area.reason] if area.reason else []
+    closed = found.leak < CLOSED_BELOW and found.volume.value > 0.0
+    result = replace(
+        known,
+        area=area,
+        areas=(area,),
+        closed=closed,
+        leak=found.leak,
+        lines=found.lines + (0 if counted is None else counted.lines),
+    )
+    if found.volume.value > 0.0 and cloud.solid is not False and (closed or cloud.solid):
+        volume, centroid, inertia = _solid_of_cloud(surface, found, area, closed)
+        result = replace(result, volume=volume, centroid=centroid, inertia=inertia)
+        if volume.reason:
+            warnings.append(f"volume: {volume.reason}")
+    elif cloud.solid is None and found.leak < 0.5:
+        warnings.append(
+            f"no volume: {found.leak:.1%} of the lines that hit pass an odd number of sheets, so the surface is open; "
+            "say that it is a solid (solid=True, --solid) to have a volume all the same"
+        )
+    elif cloud.solid is not False and math.isnan(found.leak):
+        warnings.append(f"no volume: none of {found.lines:,} lines hit the surface; cast more")
+    if surface.ambiguous_signs:
+        warnings.append(
+            f"the signs of the normals are ambiguous: {surface.ambiguous_signs:.1%} of the neighbours contradict each "
+            "other; areas and volumes do not depend on them, in and out along a line do"
+        )
+    if surface.noise > 0.1:
+        warnings.append(f"the points lie off the surface by {surface.noise:.2f} spacings; they were projected onto it")
+    warnings.extend(cleaned)
+    return replace(result, warnings=tuple(warnings))
+
+
+def _area_of_cloud(surface: CloudSurface, counted: LineResult | None) -> Estimate:
+    """Join the error of the sampling with that of the lines."""
+    square = surface.scale**2
+    local, sampling = surface.known
+    value, error = local.area * square, sampling.standard_error * square
+    if counted is not None:
+        value, error = float(counted.area.value), float(combine_errors(error, counted.area.standard_error))
+    reasons = []
+    points = len(local.areas)
+    if points < FEW_POINTS:
+        reasons.append(f"only {points} points")
+    elif points < HALVES_FROM:
+        reasons.append(f"{points} points are too few to be halved, which tells how well they sample the shape")
+    if surface.two_sheets:
+        reasons.append(
+            f"what reads as noise of {local.noise:.2f} spacings is two sheets nearer to each other than the points of "
+            "one: the area is that of about one of them"
+        )
+    elif local.noise > TOO_NOISY:
+        reasons.append(f"noise of {local.noise:.2f} spacings hides the surface")
+    if points >= HALVES_FROM and error * 1.96 > 0.25 * value:
+        reasons.append(f"the sampling is too coarse for the shape: {_coarse(surface)}")
+    return Estimate(value, error, reliable=not reasons, reason="; ".join(reasons))
+
+
+def _coarse(surface: CloudSurface) -> str:
+    """Say what tells that the points lie too far apart."""
+    _, sampling = surface.known
+    if sampling.thinning + sampling.halves > math.hypot(sampling.border, sampling.roughness, sampling.noise):
+        return "halving it changes the area a lot"
+    return "the surface is rough or ragged at the distance of the points"
+
+
+def _solid_of_cloud(
+    surface: CloudSurface, found: LineResult, area: Estimate, closed: bool
+) -> tuple[Estimate, Estimate, Estimate]:
+    """Add to the lines' errors what the surface between the points leaves open, and what leaks away."""
+    depth = depth_error(surface)
+    volume = float(found.volume.value)
+    unsure = float(combine_errors(depth * float(area.value), 0.25 * found.leak * volume))
+    relative = unsure / volume
+    size = float(np.cbrt(volume))
+    reason = "" if closed else f"the surface is open: {found.leak:.1%} of the lines that hit leak"
+
+    def widened(estimate: Estimate, extra: Any) -> Estimate:
+        error = combine_errors(estimate.standard_error, extra)
+        return replace(estimate, standard_error=error, freedom=math.inf, reliable=not reason, reason=reason)
+
+    return (
+        widened(found.volume, unsure),
+        widened(found.centroid, np.full(3, 0.5 * relative * size)),
+        widened(found.inertia, np.abs(found.inertia.value) * relative),
+    )
+
+
+def depth_error(surface: CloudSurface) -> float:
+    """Return the standard error of where the surface lies, along its normal: a share of how far patches bend."""
+    local, _ = surface.known
+    spacing = local.hood.spacing
+    bend = spacing * np.sqrt(np.maximum(local.cells.rough, 0.0)) * 0.25
+    noise = local.noise * float(np.median(spacing)) * 0.05
+    return float(
+        math.hypot(0.05 * float(np.average(bend, weights=np.maximum(local.areas, 0.0) + 1e-300)), noise)
+    ) * float(surface.scale)
+
+
+def _without_normal(cloud: Surfels) -> int:
+    return 0 if cloud.normals is None else int((~cloud.normals.any(axis=1)).sum())
+
+
+def _cleaning_warnings(cleaning: Any, points: int) -> list[str]:
+    texts = {
+        "non_finite": "points had coordinates that are not finite and were left out",
+        "duplicates": "points repeat the place of another and were counted once",
+        "strays": "points belong to no surface and were left out",
+    }
+    return [f"{cleaning[key]:,} of {points:,} {text}" for key, text in texts.items() if cleaning.get(key)]

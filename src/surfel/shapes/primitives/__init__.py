@@ -1,0 +1,1 @@
+"""Exact primitives, one family a file; all are exported from ``surfel``."""
