@@ -1,0 +1,48 @@
+"""Which parts of the grid have data: four quarters a cell, cut by its two diagonals, one bit each."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel._numba import inlined, rows, threads_for
+from surfel.bounding.evaluate import cell_of, value_at
+from surfel.core.cast import Floats
+
+LEFT, RIGHT, LOW, HIGH, WHOLE = 1, 2, 4, 8, 15
+"""The quarter of a cell next to its side of least u, largest u, least v, largest v; and all four."""
+
+Quarters = NDArray[np.uint8]
+
+
+def trimmed_values(coefficients: Floats, trim: Quarters, uv: Floats) -> Floats:
+    """Return the values of a spline, NaN outside the domain and outside the quarters set in ``trim``."""
+    out = np.empty(len(uv))
+    with threads_for(len(uv)):
+        _trimmed_values(len(uv), np.array(coefficients), np.array(trim), np.ascontiguousarray(uv), out)
+    return out
+
+
+@inlined
+def quarter(s, t):
+    """Return the bit of the quarter in which the local coordinates (s, t) of a cell lie."""
+    if t <= s:
+        return np.uint8(4) if t <= 1.0 - s else np.uint8(2)
+    return np.uint8(1) if t <= 1.0 - s else np.uint8(8)
+
+
+@inlined
+def inside_trim(trim, u, v):
+    """Tell whether a place of the domain lies in a quarter that is set."""
+    h, k = cell_of(u, trim.shape[0]), cell_of(v, trim.shape[1])
+    return (trim[h, k] & quarter(u - h, v - k)) != 0
+
+
+@rows
+def _trimmed_values(first, last, b, trim, uv, out):
+    for i in range(first, last):
+        u, v = uv[i, 0], uv[i, 1]
+        z = value_at(b, u, v)
+        if z == z and not inside_trim(trim, u, v):
+            z = np.nan
+        out[i] = z

@@ -1,0 +1,140 @@
+"""Mode ``paper``: the tensor surface of sec. 6: scattered data along the u-lines, broken lines along v.
+
+Each point is projected to its two u-lines at its own height, so the blend of the two is its height. The exchange of
+sec. 5 looks at all points, but in passes: between them it works on those that have ever been the worst of their line
+and abscissa, and on the highest of the micro-cells. It ends when no point lies above its lines' bound.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from surfel._numba import kernel
+from surfel.bounding.banded import COLUMNS
+from surfel.bounding.corners import over_corners
+from surfel.bounding.enclosure import second
+from surfel.bounding.evaluate import cell_of
+from surfel.bounding.frame import Frame, project
+from surfel.bounding.job import Job, Outcome
+from surfel.bounding.scattered import AGREED, nearest, scattered
+from surfel.bounding.source import Source
+from surfel.core.cast import Floats, Integers
+
+TAME = 4.0
+"""Coefficients are kept within this many ranges of the middle; where that costs safety, the raise gives it back."""
+
+PASSES = 6
+"""Looks at all points of an array; what is left then is lifted. Chunks are looked at once, after the fit."""
+
+
+def fit_paper(job: Job) -> Outcome:
+    """Return the surface of sec. 6; with ``symmetric`` the mean of both orders of u and v."""
+    straight = _one_order(job, exchanged=False)
+    if not job.symmetric:
+        return straight
+    other = _one_order(job, exchanged=True)
+    mean = 0.5 * straight.coefficients + 0.5 * other.coefficients.T
+    return Outcome(np.ascontiguousarray(mean), max(straight.rounds, other.rounds), straight.fallbacks + other.fallbacks)
+
+
+def _one_order(job: Job, exchanged: bool) -> Outcome:
+    frame = _exchanged(job.frame) if exchanged else job.frame
+    uv = np.ascontiguousarray(job.uv[:, ::-1]) if exchanged else job.uv
+    n, m = frame.shape
+    corner = np.full((n, m), -np.inf)
+    solves, fallbacks = np.zeros(m, np.int64), np.zeros(m, np.bool_)
+    line, place, height = _on_lines(uv, job.height, m)
+    todo = np.ones(m, np.bool_)
+    for _ in range(PASSES):
+        _fit_lines(line, place, height, job.boundary == "open", todo, corner, solves, fallbacks)
+        if job.source.streamed:
+            break
+        worst = _look(job.source, frame, corner, job)
+        if worst is None:
+            break
+        more, more_place, more_height = worst
+        todo = np.zeros(m, np.bool_)
+        todo[more] = True
+        line, place, height = _sorted(
+            np.concatenate([line, more]), np.concatenate([place, more_place]), np.concatenate([height, more_height])
+        )
+    coefficients, sweeps, contracted = over_corners(corner, job.boundary)
+    reach = TAME * 2.0 * job.scale.half
+    coefficients = np.clip(coefficients, job.scale.middle - reach, job.scale.middle + reach)
+    return Outcome(coefficients, max(int(solves.max()), sweeps), int(fallbacks.sum()) + contracted)
+
+
+def _exchanged(frame: Frame) -> Frame:
+    order = np.array([1, 0, 2])
+    return Frame(frame.rotation[order], frame.low[::-1], frame.scale[::-1], frame.cells[::-1])
+
+
+def _on_lines(uv: Floats, height: Floats, m: int) -> tuple[Integers, Floats, Floats]:
+    """Project points to their two u-lines: line number, parameter and height, sorted by line."""
+    row = np.minimum(uv[:, 1].astype(np.int64), m - 2)
+    return _sorted(np.concatenate([row, row + 1]), np.tile(uv[:, 0], 2), np.tile(height, 2))
+
+
+def _sorted(line: Integers, place: Floats, height: Floats) -> tuple[Integers, Floats, Floats]:
+    order = np.argsort(line, kind="stable")
+    return line[order], place[order], height[order]
+
+
+def _look(source: Source, frame: Frame, corner: Floats, job: Job) -> tuple[Integers, Floats, Floats] | None:
+    """Return, for each line and abscissa, the point of largest excess over the line's bound; None if there is none."""
+    n, m = corner.shape
+    tolerance = AGREED * 2.0 * job.scale.half
+    worst, place, height = np.full((m, n), tolerance), np.zeros((m, n)), np.zeros((m, n))
+    for chunk in source:
+        _look_at(chunk, frame.numbers(), job.sign, corner, job.boundary == "open", worst, place, height)
+    line, at = np.nonzero(worst > tolerance)
+    return (line, place[line, at], height[line, at]) if len(line) else None
+
+
+@kernel
+def _fit_lines(line, place, height, is_open, todo, corner, solves, fallbacks):
+    n, m = corner.shape
+    labels, b = np.zeros(n, np.bool_), np.empty(n)
+    chosen, worst_at = np.empty(n, np.int64), np.empty(n, np.int64)
+    work, rows = np.empty((5, n)), np.empty((n, COLUMNS))
+    first = 0
+    for j in range(m):
+        last = first
+        while last < line.shape[0] and line[last] == j:
+            last += 1
+        if todo[j] and last > first:
+            count, plainly = scattered(
+                place[first:last], height[first:last], labels, is_open, b, chosen, worst_at, work, rows
+            )
+            solves[j] += count
+            fallbacks[j] = plainly
+            for i in range(n):
+                corner[i, j] = b[i]
+        first = last
+
+
+@kernel
+def _look_at(p, f, sign, corner, is_open, worst, place, height):
+    # Eq. (5) from a table: b and min(D b, 0) / 6 of both ends of an interval, for both lines of a point.
+    n, m = corner.shape
+    table = np.zeros((m, n, 2))
+    b = np.empty(n)
+    for j in range(m):
+        for i in range(n):
+            b[i] = corner[i, j]
+        for i in range(n):
+            table[j, i, 0] = b[i]
+            table[j, i, 1] = min(second(b, i, is_open), 0.0) / 6.0 if b[i] > -np.inf else 0.0
+    for i in range(p.shape[0]):
+        u, v, z = project(f, p[i, 0], p[i, 1], p[i, 2])
+        z *= sign
+        h, k = cell_of(u, n - 1), cell_of(v, m - 1)
+        s = u - h
+        q = 1.0 - s
+        s3, q3 = s * s * s, q * q * q
+        for j in range(k, k + 2):
+            low = q * table[j, h, 0] + s * table[j, h + 1, 0] + q3 * table[j, h, 1] + s3 * table[j, h + 1, 1]
+            if z > low:
+                a = nearest(u, n)
+                if z - low > worst[j, a]:
+                    worst[j, a], place[j, a], height[j, a] = z - low, u, z

@@ -1,0 +1,169 @@
+"""Trimming: the part of the plane that a safe spline answers for (Myles and Peters, sec. 6, Fig. 7).
+
+A grid point is free if none of the cells round it has data. Kept is, of each cell, the hull of its points that are not
+free: the whole cell, a triangle of three of its corners, or nothing. So every cell with data is kept, and a staircase
+along the border becomes a diagonal. Where a cell juts out and its corner has no data, the corner is cut along the
+diagonal. Only the outer boundary is trimmed: empty cells that it encloses are kept, because the energy has filled them.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel.bounding.occupancy import HIGH, LEFT, LOW, RIGHT, WHOLE, Quarters
+from surfel.core.cast import Floats
+
+_AT_CORNER = {(0, 0): LEFT | LOW, (1, 0): RIGHT | LOW, (0, 1): LEFT | HIGH, (1, 1): RIGHT | HIGH}
+"""The quarters at each corner of a cell: what the diagonal past the corner cuts off."""
+
+_TRIANGLES = {
+    LEFT: ((0, 0), (1, 1), (0, 2)),
+    LOW: ((0, 0), (2, 0), (1, 1)),
+    RIGHT: ((2, 0), (2, 2), (1, 1)),
+    HIGH: ((2, 2), (0, 2), (1, 1)),
+}
+"""The corners of each quarter in half cells, counterclockwise."""
+
+
+def trimmed(occupancy: Quarters) -> Quarters:
+    """Return the quarters that the trimmed surface keeps: never fewer than have data.
+
+    Parameters
+    ----------
+    occupancy : Quarters, shape (n - 1, m - 1)
+        Which quarters have data.
+
+    Returns
+    -------
+    Quarters, shape (n - 1, m - 1)
+        Which quarters are kept.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> trimmed(np.array([[15, 0], [15, 15]], np.uint8))
+    array([[15,  6],
+           [15, 15]], dtype=uint8)
+    """
+    from scipy.ndimage import binary_fill_holes
+
+    kept = binary_fill_holes(occupancy > 0)
+    bound = _bound_points(kept)
+    corners = {(i, j): bound[i : i + kept.shape[0], j : j + kept.shape[1]] for i, j in _AT_CORNER}
+    count = sum(corner.astype(np.int64) for corner in corners.values())
+    trim = np.where(count == 4, WHOLE, 0)
+    for place, quarters in _AT_CORNER.items():
+        trim[(count == 3) & ~corners[place]] = WHOLE & ~quarters
+    return _without_bare_corners(trim.astype(np.uint8), occupancy)
+
+
+def _bound_points(kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which grid points are not free, shape (n, m): some cell round them is kept."""
+    rows, columns = kept.shape
+    points = np.zeros((rows + 1, columns + 1), bool)
+    for i, j in _AT_CORNER:
+        points[i : i + rows, j : j + columns] |= kept
+    return points
+
+
+def _without_bare_corners(trim: Quarters, occupancy: Quarters) -> Quarters:
+    """Cut the corners that jut out: without data, and with nothing beside them over either of their two edges."""
+    around = np.pad(trim, 1)
+    cut = trim.copy()
+    for (i, j), quarters in _AT_CORNER.items():
+        beside_u = around[2 * i : 2 * i + trim.shape[0], 1:-1]
+        beside_v = around[1:-1, 2 * j : 2 * j + trim.shape[1]]
+        bare = (trim == WHOLE) & (occupancy > 0) & (occupancy & quarters == 0) & (beside_u == 0) & (beside_v == 0)
+        cut[bare] &= np.uint8(WHOLE & ~quarters)
+    return cut
+
+
+def kept_share(trim: Quarters) -> Floats:
+    """Return which share of each cell is kept: 0 to 1 in quarters."""
+    return np.asarray(np.unpackbits(trim[..., None], axis=-1).sum(axis=-1) / 4.0)
+
+
+def outlines(trim: Quarters) -> list[Floats]:
+    """Return the closed polygons that bound what is kept, which lies to their left.
+
+    Parameters
+    ----------
+    trim : Quarters, shape (n - 1, m - 1)
+        Which quarters are kept.
+
+    Returns
+    -------
+    list of Floats, shape (k, 2)
+        Corners in units of cells, the first not repeated: outer borders counterclockwise, holes clockwise. Polygons
+        may touch at corners.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> [polygon.tolist() for polygon in outlines(np.array([[15, 5]], np.uint8))]
+    [[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 2.0]]]
+    """
+    ahead = _border(trim)
+    found = []
+    while ahead:
+        start = min(ahead)
+        path = [start, _taken(ahead, start, min(ahead[start]))]
+        while path[-1] != start:
+            here = path[-1]
+            path.append(_taken(ahead, here, _sharpest_left(path[-2], here, ahead[here])))
+        found.append(0.5 * np.array(_without_straight(path[:-1]), np.float64))
+    return found
+
+
+_Corner = tuple[int, int]
+
+
+def _border(trim: Quarters) -> dict[_Corner, list[_Corner]]:
+    """Return the directed edges that one quarter has and no other has the opposite of, by their start."""
+    edges: set[tuple[_Corner, _Corner]] = set()
+    for h, k in np.argwhere(trim).tolist():
+        for quarter, triangle in _TRIANGLES.items():
+            if not trim[h, k] & quarter:
+                continue
+            corners = [(2 * h + i, 2 * k + j) for i, j in triangle]
+            for edge in pairwise([*corners, corners[0]]):
+                if edge[::-1] in edges:
+                    edges.remove(edge[::-1])
+                else:
+                    edges.add(edge)
+    ahead: dict[_Corner, list[_Corner]] = {}
+    for start, end in edges:
+        ahead.setdefault(start, []).append(end)
+    return ahead
+
+
+def _taken(ahead: dict[_Corner, list[_Corner]], here: _Corner, following: _Corner) -> _Corner:
+    """Use up one edge."""
+    ahead[here].remove(following)
+    if not ahead[here]:
+        del ahead[here]
+    return following
+
+
+def _sharpest_left(before: _Corner, here: _Corner, choices: list[_Corner]) -> _Corner:
+    """Return where the sharpest turn to the left leads: so a polygon does not pass through itself at a corner."""
+    back = np.arctan2(before[1] - here[1], before[0] - here[0])
+
+    def from_back(choice: _Corner) -> float:
+        angle = np.arctan2(choice[1] - here[1], choice[0] - here[0])
+        return float((back - angle) % (2.0 * np.pi))
+
+    return min(choices, key=from_back)
+
+
+def _without_straight(corners: list[_Corner]) -> list[_Corner]:
+    """Drop the corners at which the border goes straight on."""
+    kept = []
+    for before, here, after in zip([corners[-1], *corners[:-1]], corners, [*corners[1:], corners[0]], strict=True):
+        turn = (here[0] - before[0]) * (after[1] - here[1]) - (here[1] - before[1]) * (after[0] - here[0])
+        if turn:
+            kept.append(here)
+    return kept
