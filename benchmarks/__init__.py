@@ -1,1 +1,1 @@
-"""Benchmarks of surfel: ``python -m benchmarks accuracy|speed|peers`` from the root of the repository."""
+"""Benchmarks of surfel: ``python -m benchmarks accuracy|speed|peers|papers`` from the root of the repository."""

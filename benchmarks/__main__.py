@@ -1,4 +1,4 @@
-"""``python -m benchmarks accuracy|speed|peers``: tables of what surfel reaches, beside targets and peers."""
+"""``python -m benchmarks accuracy|speed|peers|papers|files|fuzz``: what surfel reaches, beside targets and peers."""
 
 from __future__ import annotations
 
@@ -16,10 +16,13 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    commands = parser.add_subparsers(required=True, metavar="accuracy|speed|peers")
+    commands = parser.add_subparsers(required=True, metavar="accuracy|speed|peers|papers|files|fuzz")
     _add_accuracy(commands.add_parser("accuracy", help="errors and intervals of areas, volumes and centroids"))
     _add_speed(commands.add_parser("speed", help="times, memory and threads"))
-    _add_peers(commands.add_parser("peers", help="the same clouds through other libraries"))
+    _add_peers(commands.add_parser("peers", help="the same clouds and solids through other libraries"))
+    _add_papers(commands.add_parser("papers", help="the tables and figures of the papers"))
+    _add_files(commands.add_parser("files", help="reading and writing beside other libraries"))
+    _add_fuzz(commands.add_parser("fuzz", help="damaged files through every reader"))
     return parser
 
 
@@ -95,7 +98,7 @@ def _speed(chosen: argparse.Namespace) -> int:
 
 def _add_peers(parser: argparse.ArgumentParser) -> None:
     _common(parser)
-    parser.add_argument("what", choices=("area",), help="what is compared")
+    parser.add_argument("what", choices=("area", "bound", "csg"), help="what is compared")
     parser.add_argument(
         "--only", default="", metavar="CASES", help="cases by parts of their labels, separated by semicolons"
     )
@@ -105,6 +108,10 @@ def _add_peers(parser: argparse.ArgumentParser) -> None:
 
 
 def _peers(chosen: argparse.Namespace) -> int:
+    if chosen.what == "bound":
+        return _peers_bound(chosen)
+    if chosen.what == "csg":
+        return _peers_csg(chosen)
     from benchmarks import peers
     from benchmarks.tables import publish
 
@@ -119,6 +126,95 @@ def _peers(chosen: argparse.Namespace) -> int:
         return 2
     publish(peers.report(readings, absent), chosen.out)
     return 0
+
+
+def _peers_csg(chosen: argparse.Namespace) -> int:
+    from benchmarks import peers_csg
+    from benchmarks.tables import publish
+
+    publish(peers_csg.report(peers_csg.run(chosen.quick)), chosen.out)
+    return 0
+
+
+def _peers_bound(chosen: argparse.Namespace) -> int:
+    from benchmarks import peers_bound
+    from benchmarks.tables import publish
+
+    cases = peers_bound.clouds(quick=chosen.quick)
+    answers = peers_bound.run((label, make) for label, make in cases if _named(label, chosen.only))
+    if not answers:
+        print("no case is left by these filters")
+        return 2
+    publish(peers_bound.report(answers), chosen.out)
+    return 0
+
+
+def _add_papers(parser: argparse.ArgumentParser) -> None:
+    _common(parser)
+    parser.add_argument("paper", choices=("li2003", "myles2005"), help="which paper's tables and figures")
+    parser.add_argument("--only", default="", metavar="PARTS", help="parts by name, separated by commas")
+    parser.set_defaults(run=_papers)
+
+
+def _papers(chosen: argparse.Namespace) -> int:
+    if chosen.paper == "li2003":
+        return _papers_li2003(chosen)
+    from benchmarks import myles2005
+    from benchmarks.tables import publish
+
+    wanted = [part.strip() for part in chosen.only.split(",") if part.strip()]
+    unknown = [part for part in wanted if part not in myles2005.PARTS]
+    if unknown:
+        print(f"no such part: {', '.join(unknown)}; there are {', '.join(myles2005.PARTS)}")
+        return 2
+    publish(myles2005.run(wanted or list(myles2005.PARTS), chosen.out, quick=chosen.quick), chosen.out)
+    return 0
+
+
+def _papers_li2003(chosen: argparse.Namespace) -> int:
+    import tempfile
+
+    from benchmarks import li2003
+    from benchmarks.tables import publish
+
+    folder = f"{tempfile.gettempdir()}/surfel-quick" if chosen.quick else "benchmarks/results"
+    out = chosen.out or f"{folder}/li2003.md"  # pictures go beside it
+    publish(li2003.run(out, chosen.quick), out)
+    return 0
+
+
+def _add_files(parser: argparse.ArgumentParser) -> None:
+    _common(parser)
+    parser.add_argument("--repeats", type=int, default=3, metavar="N", help="runs behind each median")
+    parser.add_argument("--fuzz", type=int, default=20_000, metavar="N", help="damaged files at the end")
+    parser.set_defaults(run=_files)
+
+
+def _files(chosen: argparse.Namespace) -> int:
+    from benchmarks import files, fuzz
+    from benchmarks.tables import publish
+
+    rows = files.run(chosen.repeats, chosen.quick)
+    count = min(chosen.fuzz, 500) if chosen.quick else chosen.fuzz
+    fuzzed = str(fuzz.run(count)) if count else ""
+    publish(files.report(rows, chosen.repeats, fuzzed), chosen.out)
+    return 0
+
+
+def _add_fuzz(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--count", type=int, default=20_000, metavar="N", help="how many damaged files")
+    parser.add_argument("--first", type=int, default=0, metavar="CASE", help="the number of the first one")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", default="", metavar="PART", help="only seeds whose names hold this")
+    parser.set_defaults(run=_fuzz)
+
+
+def _fuzz(chosen: argparse.Namespace) -> int:
+    from benchmarks import fuzz
+
+    report = fuzz.run(chosen.count, chosen.seed, chosen.first, chosen.only)
+    print(report)
+    return 1 if report.findings else 0
 
 
 def _named(name: str, wanted: str) -> bool:

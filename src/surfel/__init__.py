@@ -19,6 +19,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from surfel.bounding.curve import bound_curve
+    from surfel.bounding.doors import bound
+    from surfel.bounding.pairs import sandwich
+    from surfel.bounding.spline import SafeSpline
     from surfel.core.crossings import Crossings
     from surfel.core.errors import (
         ConvergenceError,
@@ -31,57 +35,101 @@ if TYPE_CHECKING:
     from surfel.core.estimate import Estimate
     from surfel.core.lines import Lines
     from surfel.core.patches import Patches
-    from surfel.io import convert, info, read, write
+    from surfel.io import convert, info, open, read, write
     from surfel.measuring.measure import measure
     from surfel.measuring.measurement import Measurement
     from surfel.shapes.mesh import Mesh
+    from surfel.shapes.primitives.box import Box
+    from surfel.shapes.primitives.cyclide import Cyclide, Torus
+    from surfel.shapes.primitives.cylinder import Cone, Cylinder
+    from surfel.shapes.primitives.ellipsoid import Ellipsoid, Sphere
+    from surfel.shapes.primitives.half_space import HalfSpace
+    from surfel.shapes.primitives.polynomial import Polynomial
+    from surfel.shapes.primitives.quadric import Quadric
     from surfel.shapes.sample import sample
     from surfel.shapes.surfels import Surfels
+    from surfel.shapes.tree import Difference, Intersection, Union
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Box",
+    "Cone",
     "ConvergenceError",
     "Crossings",
+    "Cyclide",
+    "Cylinder",
+    "Difference",
+    "Ellipsoid",
     "Estimate",
     "FileFormatError",
+    "HalfSpace",
     "InputError",
+    "Intersection",
     "Lines",
     "Measurement",
     "Mesh",
     "MissingExtraError",
     "Patches",
+    "Polynomial",
+    "Quadric",
+    "SafeSpline",
+    "Sphere",
     "SurfelError",
     "SurfelWarning",
     "Surfels",
+    "Torus",
+    "Union",
     "__version__",
+    "bound",
+    "bound_curve",
     "convert",
     "info",
     "measure",
+    "open",
     "read",
     "sample",
+    "sandwich",
     "write",
 ]
 
 _HOME = {
+    "Box": "surfel.shapes.primitives.box",
+    "Cone": "surfel.shapes.primitives.cylinder",
     "ConvergenceError": "surfel.core.errors",
     "Crossings": "surfel.core.crossings",
+    "Cyclide": "surfel.shapes.primitives.cyclide",
+    "Cylinder": "surfel.shapes.primitives.cylinder",
+    "Difference": "surfel.shapes.tree",
+    "Ellipsoid": "surfel.shapes.primitives.ellipsoid",
     "Estimate": "surfel.core.estimate",
     "FileFormatError": "surfel.core.errors",
+    "HalfSpace": "surfel.shapes.primitives.half_space",
     "InputError": "surfel.core.errors",
+    "Intersection": "surfel.shapes.tree",
     "Lines": "surfel.core.lines",
     "Measurement": "surfel.measuring.measurement",
     "Mesh": "surfel.shapes.mesh",
     "MissingExtraError": "surfel.core.errors",
     "Patches": "surfel.core.patches",
+    "Polynomial": "surfel.shapes.primitives.polynomial",
+    "Quadric": "surfel.shapes.primitives.quadric",
+    "SafeSpline": "surfel.bounding.spline",
+    "Sphere": "surfel.shapes.primitives.ellipsoid",
     "SurfelError": "surfel.core.errors",
     "SurfelWarning": "surfel.core.errors",
     "Surfels": "surfel.shapes.surfels",
+    "Torus": "surfel.shapes.primitives.cyclide",
+    "Union": "surfel.shapes.tree",
+    "bound": "surfel.bounding.doors",
+    "bound_curve": "surfel.bounding.curve",
     "convert": "surfel.io",
     "info": "surfel.io",
     "measure": "surfel.measuring.measure",
+    "open": "surfel.io",
     "read": "surfel.io",
     "sample": "surfel.shapes.sample",
+    "sandwich": "surfel.bounding.pairs",
     "write": "surfel.io",
 }
 

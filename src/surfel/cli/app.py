@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from surfel.cli.bound import bound
 from surfel.cli.demo import demo
 from surfel.cli.files import convert, info
 from surfel.cli.measure import measure
@@ -19,6 +20,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command()(measure)
+app.command()(bound)
 app.command()(info)
 app.command()(convert)
 app.command()(sample)
