@@ -1,8 +1,8 @@
 """Trees beside a slow, obvious judge of them: the places where a line may pass a leaf's surface, and what lies between.
 
 Each leaf names a superset of the places where a line meets it (planes and quadrics are taken as endless). A place
-counts where the tree, asked by implicit functions just before and just after it, changes its answer. Nothing is shared with
-the kernels.
+counts where the tree, asked by implicit functions just before and just after it, changes its answer. Nothing is
+shared with the kernels.
 """
 
 from __future__ import annotations

@@ -10,7 +10,8 @@ import pytest
 from mpmath import mp, mpf
 
 from surfel._numba import kernel
-from surfel.roots.quadratic import cross_quadric, discriminant, solve_quadratic, two_product, two_sum
+from surfel._vec import two_product, two_sum
+from surfel.roots.quadratic import cross_quadric, discriminant, solve_quadratic
 
 
 @kernel

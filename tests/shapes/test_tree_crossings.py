@@ -75,7 +75,7 @@ def test_lines_along_the_axes(direction):
 @pytest.mark.parametrize("distance", [1e2, 1e5])
 def test_origins_far_away(distance):
     rng = np.random.default_rng(13)
-    tree, known = random_tree(rng, 6)
+    tree, _ = random_tree(rng, 6)
     lines = lines_round(around(), 1500, seed=3)
     far = Lines(lines.origins - distance * lines.directions, lines.directions, lines.weights)
     near, found = tree.cross(lines), tree.cross(far)

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from surfel._numba import inlined, rows, threads_for
+from surfel._vec import two_product, two_sum
 from surfel.core.cast import Floats, as_number, read_only
 from surfel.core.errors import InputError
-
-_SPLIT = 134217729.0  # 2^27 + 1
 
 
 def as_polynomials(value: ArrayLike) -> Floats:
@@ -113,7 +112,7 @@ def _to_bernstein(first, last, form, low, high):
     """Shift to ``low`` (Horner), scale to the interval, and sum to the Bernstein form, in pairs of numbers."""
     n = form.shape[1] - 1
     head, tail = np.empty(n + 1), np.empty(n + 1)
-    width, rest = _two_sum(high, -low)
+    width, rest = two_sum(high, -low)
     for i in range(first, last):
         for k in range(n + 1):
             head[k], tail[k] = form[i, k], 0.0
@@ -135,44 +134,23 @@ def _to_bernstein(first, last, form, low, high):
 
 
 @inlined
-def _two_sum(a, b):
-    """Return a + b and its rounding error (Knuth)."""
-    total = a + b
-    part = total - a
-    return total, (a - (total - part)) + (b - part)
-
-
-@inlined
-def _two_product(a, b):
-    """Return a b and its rounding error (Dekker)."""
-    product = a * b
-    split = _SPLIT * a
-    a_high = split - (split - a)
-    a_low = a - a_high
-    split = _SPLIT * b
-    b_high = split - (split - b)
-    b_low = b - b_high
-    return product, ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
-
-
-@inlined
 def _sum(a, a_rest, b, b_rest):
     """Return the sum of two pairs; the rests are summed exactly too, so that it holds where the heads cancel."""
-    head, rest = _two_sum(a, b)
-    second, third = _two_sum(a_rest, b_rest)
-    head, rest = _two_sum(head, rest + second)
-    return _two_sum(head, rest + third)
+    head, rest = two_sum(a, b)
+    second, third = two_sum(a_rest, b_rest)
+    head, rest = two_sum(head, rest + second)
+    return two_sum(head, rest + third)
 
 
 @inlined
 def _product(a, a_rest, b, b_rest):
-    head, rest = _two_product(a, b)
-    return _two_sum(head, rest + (a * b_rest + a_rest * b))
+    head, rest = two_product(a, b)
+    return two_sum(head, rest + (a * b_rest + a_rest * b))
 
 
 @inlined
 def _quotient(a, a_rest, b):
     """Return a pair divided by a number."""
     head = a / b
-    product, error = _two_product(head, b)
-    return _two_sum(head, (((a - product) - error) + a_rest) / b)
+    product, error = two_product(head, b)
+    return two_sum(head, (((a - product) - error) + a_rest) / b)

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfel._numba import inlined, inner, rows, threads_for
+from surfel._vec import two_product, two_sum
 from surfel.core.cast import Floats, as_rows
 from surfel.core.errors import InputError
-from surfel.roots.quadratic import solve_quadratic, two_product, two_sum
+from surfel.roots.quadratic import solve_quadratic
 
 _STEPS = 128
 

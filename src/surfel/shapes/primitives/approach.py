@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from surfel._numba import inlined
-from surfel.roots.quadratic import two_product, two_sum
+from surfel._vec import two_product, two_sum
 
 
 @inlined
