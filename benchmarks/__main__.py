@@ -1,4 +1,4 @@
-"""``python -m benchmarks accuracy|speed|peers|papers|files|fuzz``: what surfel reaches, beside targets and peers."""
+"""``python -m benchmarks accuracy|coverage|speed|peers|papers|files|fuzz``: what surfel reaches, beside targets and peers."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    commands = parser.add_subparsers(required=True, metavar="accuracy|speed|peers|papers|files|fuzz")
+    commands = parser.add_subparsers(required=True, metavar="accuracy|coverage|speed|peers|papers|files|fuzz")
     _add_accuracy(commands.add_parser("accuracy", help="errors and intervals of areas, volumes and centroids"))
+    _add_coverage(commands.add_parser("coverage", help="how often intervals hold the truth"))
     _add_speed(commands.add_parser("speed", help="times, memory and threads"))
     _add_peers(commands.add_parser("peers", help="the same clouds and solids through other libraries"))
     _add_papers(commands.add_parser("papers", help="the tables and figures of the papers"))
@@ -72,6 +73,20 @@ def _accuracy(chosen: argparse.Namespace) -> int:
     else:
         publish(accuracy.report(outcomes, detailed=not chosen.no_details), chosen.out)
     return 0 if len(outcomes) else 1
+
+
+def _add_coverage(parser: argparse.ArgumentParser) -> None:
+    _common(parser)
+    parser.add_argument("what", choices=("trees",), help="of what")
+    parser.set_defaults(run=_coverage)
+
+
+def _coverage(chosen: argparse.Namespace) -> int:
+    from benchmarks import coverage_trees
+    from benchmarks.tables import publish
+
+    publish(coverage_trees.run(chosen.quick), chosen.out)
+    return 0
 
 
 def _add_speed(parser: argparse.ArgumentParser) -> None:
