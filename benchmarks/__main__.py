@@ -1,4 +1,4 @@
-"""``python -m benchmarks accuracy|coverage|speed|peers|papers|files|fuzz``: what surfel reaches, beside targets and peers."""
+"""``python -m benchmarks accuracy|coverage|speed|peers|papers|files|fuzz``: what is reached, beside aims and peers."""
 
 from __future__ import annotations
 

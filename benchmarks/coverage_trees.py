@@ -86,9 +86,9 @@ def report(found: list[Case], trees: int, seeds: int) -> str:
             "",
             f"{made_on()} {busy()}",
             "",
-            f"{trees} random trees of one to eight exact leaves, {seeds} seeds each; nominal 95 %. {LINES:,} elements or lines,",
-            f"or as many as a tolerance of {TOLERANCE:g} asks for. An error of a normal variable has a median of 0.67 of its own.",
-            "Cases whose truth is not four times as sharp are left out, which leaves out few but those of the finest runs.",
+            f"{trees} random trees of one to eight exact leaves, {seeds} seeds each; nominal 95 %. {LINES:,} elements",
+            f"or lines, or as many as a tolerance of {TOLERANCE:g} asks for. Normal errors have a median of",
+            "0.67 of their own. Cases whose truth is not four times as sharp are left out.",
             "",
             table(head, rows),
         ]
