@@ -29,6 +29,7 @@ MOST_LINES = 1 << 28
 """A tolerance that asks for more lines than this is refused."""
 
 _ROUNDING = 1e-13  # of a value that all sets agree upon
+_UNSEEN = 0.25  # of what one hit stands for: what so many lines cannot tell where all sets agree
 _DOUBLINGS = 4  # before anything is extrapolated
 _LEAST_ORDER, _MOST_ORDER = 0.5, 1.25  # powers of the number of lines with which errors fall
 _LENIENT = 0.15  # of which one may be seen as so much less
@@ -187,7 +188,9 @@ def _cast(
 
 def _estimates(sums: Floats, per_shift: int, source: LineSource) -> LineResult:
     parts = [moments_of(row[:COLUMNS], per_shift, source.measure(shift)) for shift, row in enumerate(sums)]
-    area = _over_shifts(np.array([part.area for part in parts]))
+    measures = np.array([source.measure(shift) for shift in range(len(sums))])
+    one_hit = float(measures.mean()) / (np.pi * per_shift * SHIFTS)
+    area = _at_least(_over_shifts(np.array([part.area for part in parts])), _UNSEEN * one_hit)
     volume = _over_shifts(np.array([part.volume for part in parts]))
     if min(part.volume for part in parts) > 0.0:
         bodies = [inertia_tensor(part.volume, part.first, part.second) for part in parts]
@@ -199,10 +202,14 @@ def _estimates(sums: Floats, per_shift: int, source: LineSource) -> LineResult:
         reason = "no line passes through an inside" if volume.value == 0.0 else "too few lines hit"
         centroid = Estimate.unknown(reason, np.full(3, np.nan))
         inertia = Estimate.unknown(reason, np.full((3, 3), np.nan))
-    measures = np.array([source.measure(shift) for shift in range(len(sums))])
     hit, odd = measures @ sums[:, 1:3]
-    areas = tuple(_over_shifts(measures * column / (per_shift * np.pi)) for column in sums[:, COLUMNS:].T) or (area,)
-    return LineResult(area, volume, centroid, inertia, float(odd / hit) if hit else math.nan, per_shift * SHIFTS, areas)
+    areas = tuple(
+        _at_least(_over_shifts(measures * column / (per_shift * np.pi)), _UNSEEN * one_hit)
+        for column in sums[:, COLUMNS:].T
+    )
+    return LineResult(
+        area, volume, centroid, inertia, float(odd / hit) if hit else math.nan, per_shift * SHIFTS, areas or (area,)
+    )
 
 
 def _over_shifts(values: Floats) -> Estimate:
@@ -213,6 +220,10 @@ def _over_shifts(values: Floats) -> Estimate:
     return Estimate(mean * unit, np.hypot(error, _ROUNDING * np.abs(mean)) * unit, freedom=freedom)
 
 
+def _at_least(estimate: Estimate, error: float) -> Estimate:
+    return replace(estimate, standard_error=math.hypot(float(estimate.standard_error), error))
+
+
 def _mean(parts: list[Moments]) -> Moments:
     return Moments(*(np.mean(np.array([part[i] for part in parts]), axis=0) for i in range(len(parts[0]))))
 
@@ -221,7 +232,7 @@ def _width(estimate: Estimate) -> float:
     """Return half of the 95 % interval as a share of the value."""
     low, high = estimate.interval(0.95)
     half = 0.5 * float(high - low)
-    return half / abs(float(estimate.value)) if half else 0.0
+    return half / abs(float(estimate.value)) if half and float(estimate.value) else 0.0
 
 
 def _lines_needed(widths: list[float], lines: int, tolerance: float) -> float:
