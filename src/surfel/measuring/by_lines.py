@@ -10,7 +10,7 @@ import numpy as np
 
 from surfel.core.cast import Floats
 from surfel.core.errors import ConvergenceError
-from surfel.core.estimate import Estimate
+from surfel.core.estimate import Estimate, at_best_halved
 from surfel.core.execute import Policy, Progress, blocks, run_blocks
 from surfel.core.lines import Lines
 from surfel.lines.box import OrientedBox
@@ -144,12 +144,20 @@ def measure_by_lines(
     leaves = len(shape.leaves) if isinstance(shape, Tree) and goal == "area" else 0
     sums = np.zeros((SHIFTS, COLUMNS + leaves))
     widths: list[float] = []
+    before: LineResult | None = None
     while True:
         sums = sums + _cast(shape, leaves, source, done, wanted, policy, progress)
         done = wanted
         result = _estimates(sums, done, source)
         if tolerance is None:
             return result
+        if before is not None:
+            result = replace(
+                result,
+                area=at_best_halved(result.area, before.area),
+                volume=at_best_halved(result.volume, before.volume),
+            )
+        before = result
         widths.append(_width(result.area if goal == "area" else result.volume))
         if widths[-1] <= tolerance:
             return result

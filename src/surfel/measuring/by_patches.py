@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from surfel.core.cast import Floats
 from surfel.core.errors import ConvergenceError
-from surfel.core.estimate import Estimate, combine_errors
+from surfel.core.estimate import Estimate, at_best_halved, combine_errors
 from surfel.core.execute import Progress
 from surfel.core.patches import Patches
 from surfel.lines.sequences import from_shifts
@@ -88,6 +88,7 @@ def measure_by_patches(
     whole = math.fsum(rough.values()) or 1.0
     known: dict[int, tuple[Estimate, int]] = {}
     wanted, spent = points, 0
+    before: Estimate | None = None
     while True:
         for place, k in enumerate(active):
             if k in rough:
@@ -100,6 +101,8 @@ def measure_by_patches(
             if progress is not None:
                 progress((place + 1) / len(active), "judging elements")
         area = _sum_of([estimate for estimate, _ in known.values()])
+        area = area if before is None else at_best_halved(area, before)
+        before = area
         width = _half_width(area, whole)
         if tolerance is None or width <= tolerance:
             areas = tuple(known[k][0] if k in known else Estimate(0.0, 0.0) for k in range(len(tree.leaves)))
@@ -120,7 +123,8 @@ def _part_of_solid(tree: Tree, k: int, box: Floats, points: int, random: np.rand
     if isinstance(tree.leaves[k], Mesh):
         return _part_of_mesh(tree, k, box, points, random)
     kept: Kept = kept_area(tree, k, box, points, random, alone)
-    return Estimate(kept.area, math.hypot(math.sqrt(kept.variance), _ROUNDING * kept.area)), kept.points
+    error = math.hypot(math.sqrt(kept.variance), _ROUNDING * kept.area)
+    return Estimate(kept.area, error, freedom=kept.freedom), kept.points
 
 
 def _part_of_mesh(tree: Tree, k: int, box: Floats, points: int, random: np.random.Generator) -> tuple[Estimate, int]:

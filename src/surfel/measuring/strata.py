@@ -25,9 +25,9 @@ from surfel.shapes.tree import Tree
 _EXPLORED = 0.125
 """Share of the points that look for the cut; as many look elsewhere afterwards."""
 
-_LEAST_CELLS = 16
+_LEAST_CELLS = 196
 _HIDDEN = 0.25
-"""Of a cell: what may hide where no point of any cell told of a cut, though another leaf is near."""
+"""Of a cell: what may hide where both of its points agree; nothing else tells of features smaller than a cell."""
 
 _UNEVEN = 0.2
 """Where the map's area differs by more within a cell, or from the next one, a rule with four points will not do."""
@@ -42,10 +42,11 @@ _EVEN = 1e-9
 
 
 class Kept(NamedTuple):
-    """An area, the variance of its estimate, and how many points were asked."""
+    """An area, the variance of its estimate and its degrees of freedom, and how many points were asked."""
 
     area: float
     variance: float
+    freedom: float
     points: int
 
 
@@ -72,7 +73,7 @@ def kept_area(tree: Tree, k: int, box: Floats, points: int, random: np.random.Ge
     exact = exact_area(leaf, box)
     if alone and exact is not None:
         seen, _ = judge(random.random((1, 2)))
-        return Kept(exact if seen[0] else 0.0, 0.0, judge.asked)
+        return Kept(exact if seen[0] else 0.0, 0.0, math.inf, judge.asked)
     columns, rows = _grid(leaf, box, max(_LEAST_CELLS, int(points * _EXPLORED)))
     size = np.array([1.0 / columns, 1.0 / rows])
     corner = _corners(columns, rows)
@@ -86,17 +87,21 @@ def kept_area(tree: Tree, k: int, box: Floats, points: int, random: np.random.Ge
     told, _ = judge(corner[plain] + random.random((int(plain.sum()), 2)) * size)
     surprise = weight[plain] * (told != seen[plain])
     area, variance = float(weight[plain] @ told), float(surprise @ surprise)
-    if exact is None:
-        variance += float(weight[plain] @ (spread[plain] ** 4 + _QUADRATURE)) ** 2
+    fourth = float((surprise**4).sum())
     if mixed.any():
         spare = max(points - judge.asked, 2)
         fine = max(1, int(math.sqrt(spare / (2.0 * mixed.sum()))))
         one, other = _pairs(judge, corner[mixed], size, fine, random)
         area += 0.5 * float((one + other).sum())
-        variance += 0.25 * float(((one - other) ** 2).sum())
-    elif variance == 0.0 and not alone:
-        variance = (_HIDDEN * float(weight.mean())) ** 2
-    return Kept(area, variance, judge.asked)
+        told_apart = 0.25 * (one - other) ** 2
+        variance += float(told_apart.sum())
+        fourth += float((told_apart**2).sum())
+    if not alone:
+        variance += (_HIDDEN * float(weight.mean())) ** 2
+    if exact is None:
+        variance += _rule_error(leaf, box, corner[plain] + 0.5 * size, weight[plain], len(corner)) ** 2
+    freedom = variance**2 / fourth if fourth > 0.0 else math.inf  # few pairs tell little of their variance
+    return Kept(area, variance, freedom, judge.asked)
 
 
 class _Judge:
@@ -170,6 +175,14 @@ def _cell_areas(leaf: Shape, box: Floats, corner: Floats, size: Floats, exact: f
             told.append(elements_of(leaf, corner + np.array([u, v]) * size, box).areas)
     total = 0.25 * np.sum(told, axis=0)
     return total, np.ptp(told, axis=0) / np.maximum(total, 1e-300)
+
+
+def _rule_error(leaf: Shape, box: Floats, middle: Floats, weight: Floats, cells: int) -> float:
+    """Return how far Gauss' rule over some of the cells is from the midpoint rule, which is poorer."""
+    if len(middle) == 0:
+        return 0.0
+    whole = float(weight.sum())
+    return abs(float(elements_of(leaf, middle, box).areas.sum()) * len(middle) / cells - whole) + _QUADRATURE * whole
 
 
 def _beside(values: Floats, step: float) -> NDArray[np.bool_]:
