@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any
 
@@ -105,6 +105,21 @@ class Estimate:
             return _with_error(float(self.value), float(self.standard_error))
         pairs = zip(np.ravel(self.value), np.ravel(self.standard_error), strict=True)
         return "[" + ", ".join(_with_error(float(v), float(e)) for v, e in pairs) + "]"
+
+
+def at_best_halved(estimate: Estimate, before: Estimate) -> Estimate:
+    """Return an estimate from twice the points, with an error of at least half of that before.
+
+    Who doubles until an error is small stops where it happens to look small: of 95 % intervals 92 % then hold the
+    truth. No error falls faster than the number of points grows, so the one before says what this one is at least.
+
+    Parameters
+    ----------
+    estimate, before : Estimate
+        Of the same scalar.
+    """
+    least = 0.5 * float(before.standard_error)
+    return replace(estimate, standard_error=least) if float(estimate.standard_error) < least else estimate
 
 
 def combine_errors(*errors: Floats | float) -> Any:
