@@ -1,4 +1,4 @@
-"""Trees with areas in closed form: coincident faces, unbounded and empty trees, by patches and by lines."""
+"""Trees with areas in closed form, most of them with coincident faces; tolerances, pickles, and what is refused."""
 
 from __future__ import annotations
 
@@ -93,32 +93,6 @@ def test_bounds_that_oblique_planes_leave():
     normals = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / math.sqrt(3.0)
     corner = Intersection(*(HalfSpace(tuple(n), 1.0) for n in normals))
     assert np.abs(np.asarray(corner.bounds) - [[-math.sqrt(3.0)] * 3, [math.sqrt(3.0)] * 3]).max() < 1e-6
-
-
-@pytest.mark.parametrize(
-    "tree",
-    [
-        Union(HalfSpace((0, 0, 1), 0.0)),
-        HalfSpace((0, 0, 1), 0.0) | Box(1),
-        HalfSpace((0, 0, 1), 0.0) - Box(1),
-        HalfSpace((0, 0, 1), 0.0) & HalfSpace((0, 0, -1), 1.0),
-        surfel.Quadric(np.diag([1.0, 1.0, 0.0, -1.0])) - Sphere(2),
-    ],
-)
-def test_an_unbounded_tree_is_refused_with_the_cure(tree):
-    for method in (None, "patches", "lines"):
-        with pytest.raises(InputError, match=r"no end along .*intersect it with a bounded shape"):
-            surfel.measure(tree, method=method)
-
-
-def test_empty_trees_are_no_error():
-    for tree in (Union(), Sphere(1) & at(Sphere(1), 5, 0, 0), Sphere(1) - Box(4), Union() | Union(), Box(1) & Union()):
-        found = surfel.measure(tree, lines=1024)
-        assert found.area.value == 0.0
-        assert found.volume is not None and found.volume.value == 0.0
-        assert not tree.contains(np.zeros((1, 3))).any()
-        assert len(tree.cross(surfel.Lines.of([[0.0, 0.0, 0.0]], [[1.0, 0.0, 0.0]], 1.0)).t) == 0
-    assert surfel.measure(Sphere(1) | Union(), lines=1024).area.value == pytest.approx(4.0 * PI)
 
 
 def test_a_tolerance_is_reached():

@@ -54,12 +54,12 @@ def test_both_ways_of_asking_the_logic(leaves):
 
 def test_many_leaves_go_through_the_tree_of_boxes():
     rng = np.random.default_rng(7)
-    made = [random_leaf(rng, reach=6.0, kinds="bsco") for _ in range(150)]
-    holes = [random_leaf(rng, reach=6.0, kinds="sc") for _ in range(50)]
+    made = [random_leaf(rng, reach=4.0, kinds="bsco") for _ in range(60)]
+    holes = [random_leaf(rng, reach=4.0, kinds="sc") for _ in range(20)]
     tree = surfel.Union(*(leaf.shape for leaf in made)) - surfel.Union(*(leaf.shape for leaf in holes))
     known = {id(leaf.shape): leaf for leaf in made + holes}
-    compare(tree, known, lines_round(around(6.0), 400, seed=2), least=500)
-    points = rng.uniform(-6.0, 6.0, (3000, 3))
+    compare(tree, known, lines_round(around(5.0), 300, seed=2), least=200)
+    points = rng.uniform(-4.0, 4.0, (3000, 3))
     assert np.array_equal(tree.contains(points), inside(tree, known, points))
 
 
