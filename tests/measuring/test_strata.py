@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from primitives_with_truth import CASES
 
 import surfel
+from primitives_with_truth import CASES
 from surfel.core.estimate import Estimate, at_best_halved
 from surfel.measuring.by_patches import measure_by_patches
 from surfel.shapes.stretched import area_under
@@ -39,7 +39,7 @@ def test_an_ellipsoid_is_an_affine_image_of_a_sphere():
 @pytest.mark.parametrize("points", [1024, 16_384])
 @pytest.mark.parametrize("case", SAMPLED, ids=lambda case: case.name)
 def test_a_stretched_leaf_that_is_cut_away_elsewhere_keeps_its_area(case, points):
-    """The same surface by its own elements, in two trees: alone, and beside a leaf that its box meets but it does not."""
+    """The same surface in two trees: alone, and beside a leaf that its box meets but it does not."""
     matrix = np.diag([1.0, 0.5, 3.0, 1.0])
     leaf = case.shape.transformed(matrix)
     truth = leaf.patches(1 << 18).areas.sum()
