@@ -1,4 +1,4 @@
-"""``python -m benchmarks accuracy|coverage|speed|peers|papers|files|fuzz``: what is reached, beside aims and peers."""
+"""``python -m benchmarks accuracy|coverage|speed|peers|papers|judges|files|fuzz``: what is reached, beside aims."""
 
 from __future__ import annotations
 
@@ -16,12 +16,15 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    commands = parser.add_subparsers(required=True, metavar="accuracy|coverage|speed|peers|papers|files|fuzz")
+    commands = parser.add_subparsers(required=True, metavar="accuracy|coverage|speed|peers|papers|judges|files|fuzz")
     _add_accuracy(commands.add_parser("accuracy", help="errors and intervals of areas, volumes and centroids"))
     _add_coverage(commands.add_parser("coverage", help="how often intervals hold the truth"))
     _add_speed(commands.add_parser("speed", help="times, memory and threads"))
     _add_peers(commands.add_parser("peers", help="the same clouds and solids through other libraries"))
     _add_papers(commands.add_parser("papers", help="the tables and figures of the papers"))
+    _add_judges(
+        commands.add_parser("judges", help="inside or outside of clouds: wrong answers and times of each judge")
+    )
     _add_files(commands.add_parser("files", help="reading and writing beside other libraries"))
     _add_fuzz(commands.add_parser("fuzz", help="damaged files through every reader"))
     return parser
@@ -195,6 +198,19 @@ def _papers_li2003(chosen: argparse.Namespace) -> int:
     folder = f"{tempfile.gettempdir()}/surfel-quick" if chosen.quick else "benchmarks/results"
     out = chosen.out or f"{folder}/li2003.md"  # pictures go beside it
     publish(li2003.run(out, chosen.quick), out)
+    return 0
+
+
+def _add_judges(parser: argparse.ArgumentParser) -> None:
+    _common(parser)
+    parser.set_defaults(run=_judges)
+
+
+def _judges(chosen: argparse.Namespace) -> int:
+    from benchmarks import judges
+    from benchmarks.tables import publish
+
+    publish(judges.report(judges.run(chosen.quick), judges.timings(chosen.quick)), chosen.out)
     return 0
 
 

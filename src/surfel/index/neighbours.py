@@ -65,6 +65,32 @@ class PointIndex:
         self.points = self._blocks.points.reshape(-1, 3)[: len(given)]
         self.points.flags.writeable = False
 
+    def moved(self, points: ArrayLike) -> PointIndex:
+        """Return an index of points that have moved a little: the order stays, the boxes are fitted anew.
+
+        It answers as exactly as a new one and costs a fraction of it; the farther points move from their neighbours in
+        the order, the slower it searches.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3)
+            The *sorted* points at their new places, minus ``origin``.
+
+        Raises
+        ------
+        InputError
+            If the shape is not that of the points, or a coordinate is not finite.
+        """
+        given = as_points(points)
+        if len(given) != len(self):
+            raise InputError(f"points must have {len(self)} rows, one for each point of the index; got {len(given)}")
+        other = object.__new__(PointIndex)
+        other.order, other.origin = self.order, self.origin
+        other._blocks = build_blocks(given, np.arange(len(given), dtype=np.int32), np.zeros(3))
+        other.points = other._blocks.points.reshape(-1, 3)[: len(given)]
+        other.points.flags.writeable = False
+        return other
+
     def __len__(self) -> int:
         return len(self.order)
 

@@ -141,9 +141,13 @@ def is_two_sheets(index: NeighbourSource, level: float) -> bool:
     return bool(np.median(kurtosis) < TWO_SHEETS_BELOW)
 
 
+_HUGE = 1e100  # residuals in spacings of points that nearly all share one place; larger ones have no squares
+
+
 def _white_part(small: Floats, large: Floats) -> float:
     """Return the level of white noise that both residuals share, the second smallest over the quantiles."""
     growth = 3.0**1.5
+    small, large = np.minimum(small, _HUGE), np.minimum(large, _HUGE)
     low, high = np.quantile(small**2, QUANTILES), np.quantile(large**2, QUANTILES)
     levels = np.sqrt(np.maximum(0.0, (growth * low - high) / (growth - 1.0))) / QUANTILES_OF_WHITE_NOISE
     return float(np.sort(levels)[1])

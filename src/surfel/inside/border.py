@@ -1,0 +1,161 @@
+"""Border: the cells that the disks of the surfels meet, found conservatively, so that nothing seeps between them."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel._numba import kernel, rows, threads_for
+from surfel.core.cast import Floats
+from surfel.inside.grid import Frame
+
+EMPTY = 17.0
+"""So many surfels are expected where a cell of the surface stays free of disks: exp(-17) of such cells are missed."""
+
+LARGEST = 12.0
+"""And at most this many cells: strays shall not fill space."""
+
+
+class Bricks(NamedTuple):
+    """The bricks that disks meet.
+
+    Parameters
+    ----------
+    table : NDArray[np.int32], shape (x, y, z)
+        The number of each brick, -1 where no disk comes near.
+    border : NDArray[np.uint64], shape (bricks, 8)
+        Bits of the cells that a disk meets.
+    owned : NDArray[np.uint64], shape (bricks, 8)
+        Bits of the cells that hold a surfel's centre.
+    """
+
+    table: NDArray[np.int32]
+    border: NDArray[np.uint64]
+    owned: NDArray[np.uint64]
+
+
+def mark_border(frame: Frame, points: Floats, normals: Floats, radii: Floats) -> Bricks:
+    """Mark the cells that the disks meet: those in the box round a disk that its plane passes through.
+
+    The outermost layer of cells stays free. A surfel without a normal (zero) takes the whole box of its ball.
+    """
+    n = len(points)
+    touched = np.zeros(frame.bricks, np.uint8)
+    boxes = np.empty((n, 6), np.int32)
+    with threads_for(4 * n):
+        _touch(n, points, normals, radii, frame.low, frame.step, touched, boxes)
+        table, count = number_bricks(touched)
+        cells = np.zeros((count, 512), np.uint8)
+        _mark(n, points, normals, boxes, frame.low, frame.step, table, cells)
+        _own(n, points, frame.low, frame.step, table, cells)
+        border, owned = np.zeros((count, 8), np.uint64), np.zeros((count, 8), np.uint64)
+        _pack(count, cells, border, owned)
+    return Bricks(table, border, owned)
+
+
+def touched_bricks(frame: Frame, points: Floats, normals: Floats, radii: Floats) -> NDArray[np.uint8]:
+    """Return 1 for each brick that the box round a disk meets."""
+    touched = np.zeros(frame.bricks, np.uint8)
+    _touch(len(points), points, normals, radii, frame.low, frame.step, touched, np.empty((len(points), 6), np.int32))
+    return touched
+
+
+def disk_radii(spacings: Floats, areas: Floats, step: float) -> Floats:
+    """Return the radii of the disks that make the border.
+
+    A cell of side h that the surface crosses is missed if no centre lies within the radius R of it, on an area of
+    ``h^2 + 4 h R + pi R^2``. R is such that :data:`EMPTY` surfels at random are expected there: one spacing for cells
+    of 2.2, and 2.3 spacings for cells that are small against the spacing.
+    """
+    apart = np.maximum(spacings, np.sqrt(areas))
+    lacking = np.maximum(EMPTY * apart**2 - step**2, 0.0)
+    radii = (np.sqrt(4.0 * step**2 + np.pi * lacking) - 2.0 * step) / np.pi
+    return np.minimum(np.maximum(radii, 0.7 * apart), LARGEST * step)
+
+
+@kernel
+def number_bricks(touched):
+    """Return the table of the touched bricks, numbered in its order, and how many there are."""
+    table = np.full(touched.shape, -1, np.int32)
+    count = 0
+    for i in range(touched.shape[0]):
+        for j in range(touched.shape[1]):
+            for k in range(touched.shape[2]):
+                if touched[i, j, k]:
+                    table[i, j, k] = count
+                    count += 1
+    return table, count
+
+
+# Several threads may store to one byte below. They all store the same value, so the order does not matter.
+
+
+@rows
+def _touch(first, last, points, normals, radii, low, step, touched, boxes):
+    """Write the cells that the box round each disk meets, and mark their bricks; the outermost cells are left out."""
+    inverse = 1.0 / step
+    shape = touched.shape
+    for n in range(first, last):
+        radius = radii[n] * inverse
+        for axis in range(3):
+            normal = normals[n, axis]
+            reach = radius * math.sqrt(max(0.0, 1.0 - normal * normal))
+            middle = (points[n, axis] - low[axis]) * inverse
+            boxes[n, axis] = int(max(middle - reach, 1.0))
+            boxes[n, axis + 3] = int(min(middle + reach, 8.0 * shape[axis] - 1.5))
+        for i in range(boxes[n, 0] >> 3, (boxes[n, 3] >> 3) + 1):
+            for j in range(boxes[n, 1] >> 3, (boxes[n, 4] >> 3) + 1):
+                for k in range(boxes[n, 2] >> 3, (boxes[n, 5] >> 3) + 1):
+                    touched[i, j, k] = 1
+
+
+@rows
+def _mark(first, last, points, normals, boxes, low, step, table, cells):
+    inverse = 1.0 / step
+    for n in range(first, last):
+        nx, ny, nz = normals[n, 0], normals[n, 1], normals[n, 2]
+        # the plane meets a cell where its middle is no farther than half the cell's extent along the normal
+        half = 0.5 * (abs(nx) + abs(ny) + abs(nz)) * (1.0 + 1e-12)
+        x, y, z = (
+            (points[n, 0] - low[0]) * inverse,
+            (points[n, 1] - low[1]) * inverse,
+            (points[n, 2] - low[2]) * inverse,
+        )
+        for i in range(boxes[n, 0], boxes[n, 3] + 1):
+            at_x = nx * (i + 0.5 - x)
+            for j in range(boxes[n, 1], boxes[n, 4] + 1):
+                at_y = at_x + ny * (j + 0.5 - y)
+                for k in range(boxes[n, 2], boxes[n, 5] + 1):
+                    if abs(at_y + nz * (k + 0.5 - z)) <= half:
+                        brick = table[i >> 3, j >> 3, k >> 3]
+                        if brick >= 0:
+                            cells[brick, ((i & 7) << 6) | ((j & 7) << 3) | (k & 7)] = 1
+
+
+@rows
+def _own(first, last, points, low, step, table, cells):
+    for n in range(first, last):
+        i, j, k = (
+            int((points[n, 0] - low[0]) / step),
+            int((points[n, 1] - low[1]) / step),
+            int((points[n, 2] - low[2]) / step),
+        )
+        brick = table[i >> 3, j >> 3, k >> 3]
+        if brick >= 0:
+            cells[brick, ((i & 7) << 6) | ((j & 7) << 3) | (k & 7)] = 2
+
+
+@rows
+def _pack(first, last, cells, border, owned):
+    one = np.uint64(1)
+    for brick in range(first, last):
+        for layer in range(8):
+            marked = centred = np.uint64(0)
+            for bit in range(64):
+                cell = cells[brick, 64 * layer + bit]
+                marked |= (one if cell > 0 else np.uint64(0)) << np.uint64(bit)
+                centred |= (one if cell == 2 else np.uint64(0)) << np.uint64(bit)
+            border[brick, layer], owned[brick, layer] = marked, centred

@@ -1,0 +1,145 @@
+"""Sheets: the nearest surfels as one curved sheet or two, which meet in a convex or a concave edge."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from surfel._numba import inner, rows, threads_for
+from surfel._vec import dot, norm
+from surfel.core.cast import Booleans, Floats
+from surfel.index.hilbert import hilbert_order
+from surfel.inside.judges.verdict import Verdict
+from surfel.inside.operand import Operand
+
+NEIGHBOURS = 8
+
+ALIKE = 0.95
+"""Where all normals make a larger cosine than this with the nearest one, there is one sheet."""
+
+WIDTH = 0.35
+"""Square of the Gaussian's width over the squared distance to the farthest of the neighbours."""
+
+
+def judge(operand: Operand, queries: ArrayLike) -> Verdict:
+    """Judge places by curved sheets through the nearest surfels.
+
+    The nearest surfels are split in two where their normals spread, as by :mod:`surfel.inside.judges.two_cluster`. It
+    differs in what a sheet is. The chord between two points of a sphere is at right angles to the mean of their
+    normals. So the distance over a sheet of mean normal N is ``f(x) = sum w_i (x - p_i) . (n_i + N) / 2``, which has no
+    error of second order in the curvature, where distances over planes have. Sheets back to back, however sharp the
+    edge, are told apart by whether they meet in a convex edge, as all others.
+
+    Parameters
+    ----------
+    operand : Operand
+        The cloud.
+    queries : array_like, shape (q, 3)
+        Places near the surface, in the coordinates of the cloud.
+
+    Returns
+    -------
+    Verdict
+        ``value`` is the distance over the sheet that decides; certain where both sheets say the same.
+
+    Raises
+    ------
+    InputError
+        If the queries are not finite rows of three.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from surfel.inside import sheets
+    >>> from surfel.inside.operand import Operand
+    >>> p = np.random.default_rng(0).standard_normal((900, 3))
+    >>> p /= np.linalg.norm(p, axis=1, keepdims=True)
+    >>> sheets.judge(Operand.of(p, p), [[0.0, 0, 0.99], [0, 0, 1.01]]).value.round(2).tolist()
+    [-0.01, 0.01]
+    """
+    places = operand.local(queries)
+    if not len(operand) or not len(places):
+        return Verdict.outside(len(places))
+    order = hilbert_order(places)
+    value, certain = np.empty(len(places)), np.empty(len(places), bool)
+    value[order], certain[order] = judge_sorted(operand, places[order])
+    return Verdict.of(value, certain)
+
+
+def judge_sorted(operand: Operand, places: Floats) -> tuple[Floats, Booleans]:
+    """Do the same for local places in an order in which neighbours follow each other."""
+    value, certain = np.empty(len(places)), np.empty(len(places), bool)
+    order = np.arange(len(places), dtype=np.int32)
+    squares, near = operand.index._nearest(places, order, min(NEIGHBOURS, len(operand)), own=False)
+    with threads_for(8 * len(places)):
+        _judge(len(places), operand.points, operand.normals, places, squares, near, value, certain)
+    return value, certain
+
+
+@rows
+def _judge(first, last, points, normals, places, squares, near, value, certain):
+    sums = np.empty((2, 8))
+    for i in range(first, last):
+        value[i], certain[i] = side_of_sheets(
+            points, normals, places[i, 0], places[i, 1], places[i, 2], squares[i], near[i], sums
+        )
+
+
+@inner
+def side_of_sheets(points, normals, x, y, z, squares, near, sums):
+    """Return the distance of a place over what its nearest surfels bound, and whether the sheets agree.
+
+    ``sums``, scratch of shape (2, 8): normal, middle of the surfels seen from the place, weight, sum of distances.
+    """
+    k = len(near)
+    lead = near[0]
+    lx, ly, lz = normals[lead, 0], normals[lead, 1], normals[lead, 2]
+    other, least = lead, 2.0
+    for a in range(k):
+        j = near[a]
+        cosine = dot(lx, ly, lz, normals[j, 0], normals[j, 1], normals[j, 2])
+        if cosine < least:
+            least, other = cosine, j
+    ox, oy, oz = normals[other, 0], normals[other, 1], normals[other, 2]
+    one = least > ALIKE
+    inverse = 1.0 / (WIDTH * squares[k - 1]) if squares[k - 1] > 0.0 else 0.0
+    sums[:, :] = 0.0
+    for a in range(k):
+        j = near[a]
+        nx, ny, nz = normals[j, 0], normals[j, 1], normals[j, 2]
+        c = 0 if one or dot(nx, ny, nz, lx, ly, lz) >= dot(nx, ny, nz, ox, oy, oz) else 1
+        weight = math.exp((squares[0] - squares[a]) * inverse)
+        dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
+        sums[c, 0] += weight * nx
+        sums[c, 1] += weight * ny
+        sums[c, 2] += weight * nz
+        sums[c, 3] += weight * dx
+        sums[c, 4] += weight * dy
+        sums[c, 5] += weight * dz
+        sums[c, 6] += weight
+        sums[c, 7] -= weight * dot(nx, ny, nz, dx, dy, dz)
+    first = _over_sheet(sums, 0)
+    if one:
+        return first, True
+    second = _over_sheet(sums, 1)
+    if (first < 0.0) == (second < 0.0):
+        return first, True
+    convex = 0.0
+    for t in range(3):
+        convex += (sums[1, t] - sums[0, t]) * (sums[1, 3 + t] - sums[0, 3 + t])
+    return max(first, second) if convex > 0.0 else min(first, second), False
+
+
+@inner
+def _over_sheet(sums, c):
+    """Turn the sums of a sheet into its unit normal and its middle; return the place's distance over it."""
+    length = norm(sums[c, 0], sums[c, 1], sums[c, 2])
+    turn = 1.0 / length if length > 0.0 else 0.0
+    mean = 1.0 / sums[c, 6] if sums[c, 6] > 0.0 else 0.0
+    for t in range(3):
+        sums[c, t] *= turn
+        sums[c, 3 + t] *= mean
+    plane = -dot(sums[c, 0], sums[c, 1], sums[c, 2], sums[c, 3], sums[c, 4], sums[c, 5])
+    return 0.5 * (sums[c, 7] * mean + plane)

@@ -1,0 +1,221 @@
+"""Votes: every surfel says which free space lies before it and which behind it; so space is coloured and flips show."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel._numba import kernel, rows, threads_for
+from surfel.core.cast import Booleans, Floats
+from surfel.inside.border import Bricks
+from surfel.inside.components import Components
+from surfel.inside.grid import BORDER, IN, OUT, Frame, bit_of
+from surfel.inside.operand import Operand
+from surfel.inside.owners import Owners, owner_of
+from surfel.inside.sheets import judge_sorted
+
+MINORITY = 0.02
+"""Share of the votes for a component, against its majority, from which it is leaky."""
+
+SLIGHT = 0.005
+"""A minority of less than this share of all votes is no leak; a component that small is left to the judge."""
+
+SAMPLE = 8
+"""Every so many surfels vote first; where they all agree, and see all there is, that is it."""
+
+_COHERENT = 0.3  # mean normals shorter than this say nothing
+_OPPOSED = -0.2  # cosine, with the surfel's own cell, at which another sheet is taken to begin
+_STRIDE = 0.35  # steps of the walk, in cells
+
+
+class Ballot(NamedTuple):
+    """What the votes say.
+
+    Parameters
+    ----------
+    colours : NDArray[np.int8], shape (components,)
+        OUT, IN, or BORDER for those that too little is known of.
+    flipped : Booleans, shape (n,)
+        Surfels that have the inside before them and the outside behind.
+    conflict : float
+        Share of the votes that are against the majority of their component, after flipped surfels were turned.
+    leaky : Booleans, shape (components,)
+        Components whose votes disagree although flipped surfels were turned: space seeps through a hole.
+    """
+
+    colours: NDArray[np.int8]
+    flipped: Booleans
+    conflict: float
+    leaky: Booleans
+
+
+def vote(frame: Frame, bricks: Bricks, parts: Components, owners: Owners, operand: Operand) -> Ballot:
+    """Colour the components by the areas of the surfels that see them along their normals.
+
+    A surfel votes for the first free cell before it as outside and for the first one behind it as inside, if it sees
+    them past cells of its own sheet alone. The component round everything is outside, and one is inside if most of
+    those who see it see it from that one. Then surfels that see an inside component before them and an outside one
+    behind are flipped, and vote again turned round. Where votes disagree still, those who looked through another sheet
+    unawares have no vote.
+    """
+    points, normals = operand.points, operand.normals
+    for stride in (SAMPLE, 1):
+        rows_ = np.arange(0, len(points), stride, dtype=np.int32)
+        n = len(rows_)
+        guarded, seen = np.empty((n, 2), np.int32), np.empty((n, 2), np.int32)
+        depth = np.empty((n, 2))
+        with threads_for(4 * n):
+            _look(
+                n, rows_, points, normals, frame.low, frame.step, *bricks[:2], *parts[:4], *owners, guarded, seen, depth
+            )
+        areas, flipped = operand.areas[rows_], np.zeros(n, bool)
+        votes = _count(guarded, areas, flipped, parts.number)
+        colours = _majority(votes, _facing_out(guarded, areas, parts.number))
+        if _unanimous(votes, colours):
+            return Ballot(colours, np.zeros(len(points), bool), 0.0, np.zeros(parts.number, bool))
+    _find_flipped(colours, seen, flipped)
+    votes = _count(guarded, areas, flipped, parts.number)
+    colours = _majority(votes)
+    if _leaky(votes).any():
+        guarded[_contradicted(operand, guarded, depth * frame.step, colours, flipped)] = -1
+        votes = _count(guarded, areas, flipped, parts.number)
+        colours = _majority(votes)
+    minority, total = _minority(votes), votes.sum(axis=1)
+    everything = float(total.sum())
+    slight = (minority > MINORITY * total) & (total < SLIGHT * everything)
+    slight[0] = False
+    colours[slight] = BORDER
+    conflict = float(minority.sum()) / everything if everything > 0.0 else 0.0
+    return Ballot(colours, flipped, conflict, _leaky(votes))
+
+
+def _unanimous(votes: Floats, colours: NDArray[np.int8]) -> bool:
+    return bool((_minority(votes) == 0.0).all() and (votes.min(axis=1) == 0.0).all() and (colours != BORDER).all())
+
+
+def _minority(votes: Floats) -> Floats:
+    minority: Floats = votes.min(axis=1)
+    minority[0] = votes[0, 1]  # whatever the majority says, space round everything is outside
+    return minority
+
+
+def _leaky(votes: Floats) -> Booleans:
+    minority, total = _minority(votes), votes.sum(axis=1)
+    return np.asarray((minority > MINORITY * total) & (minority > SLIGHT * total.sum()))
+
+
+def _majority(votes: Floats, facing: Floats | None = None) -> NDArray[np.int8]:
+    """Return the colours that most votes say; inside where ``facing`` says so for more than half of them."""
+    total = votes.sum(axis=1)
+    colours = np.where(votes[:, 1] > votes[:, 0], IN, OUT).astype(np.int8)
+    if facing is not None:
+        colours[facing > 0.5 * total] = IN
+    colours[total == 0.0] = BORDER
+    colours[0] = OUT
+    return colours
+
+
+def _facing_out(guarded: NDArray[np.int32], areas: Floats, components: int) -> Floats:
+    """Return for each component the areas of the surfels between it and the space round everything."""
+    across = (guarded.min(axis=1) == 0) & (guarded.max(axis=1) > 0)
+    facing: Floats = np.bincount(guarded.max(axis=1)[across], areas[across], components).astype(float)
+    return facing
+
+
+def _contradicted(
+    operand: Operand, guarded: NDArray[np.int32], depth: Floats, colours: NDArray[np.int8], flipped: Booleans
+) -> Booleans:
+    """Tell which votes against the majority are wrong by the surfels nearest to the cell that was seen.
+
+    On a thin plate a surfel may look past cells that hold no centre of the other side, and see the outside behind it.
+    """
+    inward = np.array([False, True]) ^ flipped[:, None]
+    minority = (guarded >= 0) & (inward != (colours[guarded] == IN))
+    row, side = np.nonzero(minority)
+    sign = np.where(side == 0, 1.0, -1.0) * depth[row, side]
+    normals = np.where(flipped[:, None], -operand.normals, operand.normals)
+    places = operand.points[row] + sign[:, None] * operand.normals[row]
+    minority[row, side] = (judge_sorted(operand.with_normals(normals), places)[0] < 0.0) != inward[row, side]
+    return np.asarray(minority)
+
+
+@kernel
+def _count(seen, areas, flipped, components):
+    """Add up the votes for outside and inside, in the order of the surfels."""
+    votes = np.zeros((components, 2))
+    for n in range(len(seen)):
+        for side in range(2):
+            component = seen[n, side]
+            if component >= 0:
+                votes[component, side ^ flipped[n]] += areas[n]
+    return votes
+
+
+@kernel
+def _find_flipped(colours, seen, flipped):
+    for n in range(len(seen)):
+        front, back = seen[n, 0], seen[n, 1]
+        flipped[n] = front >= 0 and back >= 0 and colours[front] == IN and colours[back] == OUT
+
+
+@rows
+def _look(
+    first, last, chosen, points, normals, low, step, table, border, start, parts, of_part, of_brick, base, owned,
+    of_surfel, means, guarded, seen, depth,
+):  # fmt: skip
+    """Write the first free component before and behind each surfel, how far off it is, and where its own sheet alone
+    lies before it once more.
+
+    A plane's border ends within (|dx| + |dy| + |dz|) cells along its normal. Nothing is seen farther than a stride
+    beyond that. The walk is written out here: as a function it would count references to a dozen arrays at each call.
+    """
+    inverse = 1.0 / step
+    nx, ny, nz = 8 * table.shape[0], 8 * table.shape[1], 8 * table.shape[2]
+    for row in range(first, last):
+        n = chosen[row]
+        x, y, z = (
+            (points[n, 0] - low[0]) * inverse,
+            (points[n, 1] - low[1]) * inverse,
+            (points[n, 2] - low[2]) * inverse,
+        )
+        own = of_surfel[n]
+        mx, my, mz = means[own, 0], means[own, 1], means[own, 2]
+        square = mx * mx + my * my + mz * mz
+        far = abs(normals[n, 0]) + abs(normals[n, 1]) + abs(normals[n, 2]) + _STRIDE
+        for side in range(2):
+            sign = 1.0 if side == 0 else -1.0
+            dx, dy, dz = sign * normals[n, 0], sign * normals[n, 1], sign * normals[n, 2]
+            clear = square > _COHERENT * _COHERENT
+            component = np.int64(-1)
+            t = 0.0
+            last_cell = np.int64(-1)
+            while t < far and far > 0.5 and component < 0:
+                t += _STRIDE
+                i, j, k = int(x + t * dx), int(y + t * dy), int(z + t * dz)
+                cell = (i << 40) | (j << 20) | k
+                if cell == last_cell:
+                    continue
+                last_cell = cell
+                if min(min(i, j), k) < 0 or i >= nx or j >= ny or k >= nz:
+                    component = 0
+                    break
+                brick = table[i >> 3, j >> 3, k >> 3]
+                if brick < 0:
+                    component = of_brick[i >> 3, j >> 3, k >> 3]
+                    break
+                bit = bit_of(j & 7, k & 7)
+                if border[brick, i & 7] & bit == np.uint64(0):
+                    for part in range(start[brick], start[brick + 1]):
+                        if parts[part, i & 7] & bit:
+                            component = of_part[part]
+                            break
+                    break
+                other = owner_of(owned[brick, i & 7], base[brick, i & 7], bit)
+                if other >= 0 and clear:
+                    across = means[other, 0] * mx + means[other, 1] * my + means[other, 2] * mz
+                    clear = across >= _OPPOSED * square
+            seen[row, side] = component
+            depth[row, side] = t
+            guarded[row, side] = component if clear else -1
