@@ -142,3 +142,14 @@ def test_bad_input_is_refused():
     with pytest.raises(InputError, match="shape"):
         project([1.0, 2.0], operand)
     assert len(project(np.empty((0, 3)), operand).points) == 0
+
+
+def test_a_cloud_is_projected_onto_as_its_operand_is():
+    import surfel
+
+    cloud = sphere(2000, 12)
+    places = cloud.points[:50] * 1.05
+    found = project(places, surfel.Surfels(cloud.points, cloud.normals), degree=2)
+    assert np.array_equal(found.points, project(places, operand_of(cloud), degree=2).points)
+    with pytest.raises(InputError, match="Surfels or an Operand; got list"):
+        project(places, [[0.0, 0.0, 1.0]])

@@ -70,10 +70,19 @@ def disk_radii(spacings: Floats, areas: Floats, step: float) -> Floats:
     ``h^2 + 4 h R + pi R^2``. R is such that :data:`EMPTY` surfels at random are expected there: one spacing for cells
     of 2.2, and 2.3 spacings for cells that are small against the spacing.
     """
-    apart = np.maximum(spacings, np.sqrt(areas))
-    lacking = np.maximum(EMPTY * apart**2 - step**2, 0.0)
-    radii = (np.sqrt(4.0 * step**2 + np.pi * lacking) - 2.0 * step) / np.pi
-    return np.minimum(np.maximum(radii, 0.7 * apart), LARGEST * step)
+    radii = np.empty(len(spacings))
+    with threads_for(len(spacings)):
+        _radii(len(spacings), spacings, areas, step, radii)
+    return radii
+
+
+@rows
+def _radii(first, last, spacings, areas, step, radii):
+    for n in range(first, last):
+        apart = max(spacings[n], math.sqrt(areas[n]))
+        lacking = max(EMPTY * apart * apart - step * step, 0.0)
+        radius = (math.sqrt(4.0 * step * step + math.pi * lacking) - 2.0 * step) / math.pi
+        radii[n] = min(max(radius, 0.7 * apart), LARGEST * step)
 
 
 @kernel

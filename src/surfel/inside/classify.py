@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from surfel.core.affine import as_affine
 from surfel.core.cast import Booleans, Floats, as_choice, as_number, as_points, as_rows
 from surfel.core.errors import InputError
+from surfel.index.hilbert import hilbert_order
 from surfel.inside import sheets
 from surfel.inside.border import disk_radii
 from surfel.inside.classes import Classes
-from surfel.inside.coincidence import DISTANCE, on_surface
+from surfel.inside.coincidence import DISTANCE, on_sheets, on_surface
 from surfel.inside.colour import Coloured, colour_space
 from surfel.inside.judges import NAMES, choose, named
 from surfel.inside.operand import Operand
@@ -161,14 +162,11 @@ class Classifier:
         motion[:, 3] -= self.operand.origin
         kind, near = self._sift(other, places, motion, far)
         judged = np.flatnonzero(kind == UNDECIDED)
-        there = places[judged] @ motion[:, :3].T + (motion[:, 3] + self.operand.origin)
-        value = self._judge(there, in_order=other is not None)
+        there = places[judged] @ motion[:, :3].T + motion[:, 3]
+        value, found = self._judge(there, in_order=other is not None)
         kind[judged] = value < 0.0
-        if upright is not None:
-            close = np.arange(len(judged))
-            if self._has_distances():
-                close = np.flatnonzero(np.abs(value) < DISTANCE * self._widest)
-            on = on_surface(self.operand, there[close], upright[judged[close]] @ motion[:, :3].T)
+        if upright is not None and len(judged):
+            on, close = self._on_surface(there, upright[judged] @ motion[:, :3].T, value, found)
             kind[judged[close]] = np.where(on > 0, on, kind[judged[close]])
         return Classes(kind, near, judged, value)
 
@@ -236,24 +234,37 @@ class Classifier:
         """Tell whether the judge's values are distances: not those of judges for noise."""
         return self.decision.judge in (SHEETS, *_BY_NEIGHBOURS)
 
-    def _judge(self, places: Floats, *, in_order: bool) -> Floats:
-        """Judge places near the surface; those in a hole, where no surfel is, by the winding number."""
+    def _judge(self, places: Floats, *, in_order: bool) -> tuple[Floats, sheets.OverSheets | None]:
+        """Judge local places near the surface; those in a hole, where no surfel is, by the winding number."""
         if not len(places):
-            return np.empty(0)
-        name = self.decision.judge
-        if name == SHEETS and in_order:
-            value = sheets.judge_sorted(self.operand, self.operand.local(places))[0]
-        elif name == SHEETS:
-            value = sheets.judge(self.operand, places).value
+            return np.empty(0), None
+        name, found = self.decision.judge, None
+        if name == SHEETS:
+            found = sheets.over_sheets(self.operand, places, None if in_order else hilbert_order(places))
+            value = found.value
         else:
-            value = named(name)(self.operand, places, **({"skip": False} if name in _BY_NEIGHBOURS else {})).value
+            skipping = {"skip": False} if name in _BY_NEIGHBOURS else {}
+            value = named(name)(self.operand, places + self.operand.origin, **skipping).value
         assert self._coloured is not None
         if self._coloured.doubt is not None:
             from surfel.inside.repair import in_doubt
 
-            open_ = in_doubt(self._coloured.grid, self._coloured.doubt, self.operand.local(places))
-            value[open_] = named("winding")(self.operand, places[open_]).value
-        return value
+            open_ = in_doubt(self._coloured.grid, self._coloured.doubt, places)
+            value[open_] = named("winding")(self.operand, places[open_] + self.operand.origin).value
+        return value, found
+
+    def _on_surface(
+        self, places: Floats, normals: Floats, value: Floats, found: sheets.OverSheets | None
+    ) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
+        """Return which of those local places that may be on the surface are, and which may be."""
+        if found is not None:
+            close = np.flatnonzero(np.abs(value) < 2.0 * DISTANCE * self.operand.spacings[found.near[:, 0]])
+            near = found.squares[close], found.near[close]
+            return on_sheets(self.operand, places[close], normals[close], *near), close
+        close = np.arange(len(places))
+        if self._has_distances():
+            close = np.flatnonzero(np.abs(value) < DISTANCE * self._widest)
+        return on_surface(self.operand, places[close] + self.operand.origin, normals[close]), close
 
     def __getstate__(self) -> dict[str, object]:
         return {name: value for name, value in self.__dict__.items() if name != "_lock"}

@@ -38,23 +38,21 @@ def on_surface(operand: Operand, places: Floats, normals: Floats) -> NDArray[np.
     places, normals : Floats, shape (q, 3)
         Surfels in the coordinates of the cloud.
     """
-    on = np.zeros(len(places), np.int8)
     k = min(NEIGHBOURS, len(operand))
     if not len(places) or not k:
-        return on
-    squares, near = operand.index.knn_of(places, k)
-    with threads_for(8 * len(places)):
+        return np.zeros(len(places), np.int8)
+    return on_sheets(operand, operand.local(places), normals, *operand.index.knn_of(places, k))
+
+
+def on_sheets(
+    operand: Operand, places: Floats, normals: Floats, squares: Floats, near: NDArray[np.int32]
+) -> NDArray[np.int8]:
+    """Do the same for local places of which the nearest surfels are known."""
+    on = np.zeros(len(places), np.int8)
+    with threads_for(16 * len(places)):
         _compare(
-            len(places),
-            operand.local(places),
-            normals,
-            operand.points,
-            operand.normals,
-            operand.spacings,
-            squares,
-            near,
-            on,
-        )
+            len(places), places, normals, operand.points, operand.normals, operand.spacings, squares, near, on
+        )  # fmt: skip
     return on
 
 

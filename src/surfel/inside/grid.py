@@ -31,6 +31,8 @@ SIDE = 8
 MOST_BRICKS = 1 << 21
 """The table has no more bricks than this; where the cloud would need more, cells are made larger."""
 
+_LOOKED_AT = 20_000  # surfels whose spacings tell which ones are large
+
 _TESTED = 32  # a box longer than this in cells is not looked at cell by cell
 
 _FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
@@ -71,10 +73,14 @@ class Frame(NamedTuple):
 
 
 def frame_for(bounds: Floats, spacings: Floats) -> Frame:
-    """Choose cells of :data:`CELL` spacings (their root mean square), with at least one free cell round the cloud."""
+    """Choose cells of :data:`CELL` spacings (their root mean square), with at least one free cell round the cloud.
+
+    The mean square keeps the disks, all together, to some cells a surfel, however uneven the cloud is. The hundredth
+    part with the largest spacings, strays among them, has no say.
+    """
     extent = bounds[1] - bounds[0]
-    typical = float(np.median(spacings))
-    spacing = math.sqrt(float(np.mean(np.minimum(spacings, 8.0 * typical) ** 2)))
+    largest = float(np.quantile(spacings[:: max(1, len(spacings) // _LOOKED_AT)], 0.99))
+    spacing = math.sqrt(float(np.mean(np.minimum(spacings, largest) ** 2)))
     widest = float(extent.max())
     step = max(CELL * spacing, widest * 2.0**-20)
     if step == 0.0:

@@ -21,6 +21,12 @@ Value = TypeVar("Value")
 NEIGHBOURS = 8
 """Which neighbour tells the local spacing where none was given."""
 
+TWINS = 0.01
+"""Share of surfels with another one at their place from which on the places are told apart first."""
+
+STRIDE, FEWEST = 4, 10_000
+"""In larger clouds than this, one surfel in four looks for its neighbours; two others take over what it finds."""
+
 
 _OF_POINTS = ("areas", "spacings", "spacing", "bounds", "spheres", "noise")  # what does not depend on the normals
 
@@ -118,7 +124,7 @@ class Operand:
     @property
     def areas(self) -> Floats:
         """The area that each surfel stands for, shape (n,)."""
-        return self._once("areas", lambda: read_only(self.spacings**2))
+        return self._once("areas", lambda: read_only(self._default_areas()))
 
     @property
     def spacing(self) -> float:
@@ -180,6 +186,12 @@ class Operand:
         self.__dict__.update(state)
         self._lock = threading.RLock()
 
+    def _default_areas(self) -> Floats:
+        """Return the squares of the spacings, shared out where several surfels lie at one place."""
+        squares: Floats = self.spacings**2
+        beside = (self.points[1:] == self.points[:-1]).all(axis=1)
+        return squares / _shared(self.points) if beside.any() else squares
+
     def _noise(self) -> float:
         from surfel.surface.noise import noise_level
 
@@ -200,12 +212,33 @@ class Operand:
 
 
 def _spacings(index: PointIndex | None) -> Floats:
+    """Return the spacing at every surfel: at one in :data:`STRIDE` by its neighbours, at the others by that of the
+    nearer one of the two such surfels that they follow and precede. Surfels at one place are taken as one.
+    """
     n = 0 if index is None else len(index)
     if index is None or n < 2:
         return read_only(np.zeros(n))
     k = min(NEIGHBOURS, n - 1)
-    squares = index.knn(k)[0][:, k - 1]
-    return read_only(np.sqrt(squares * (np.pi / k)))
+    stride = 1 if n < FEWEST else STRIDE
+    squares = index.knn(k, np.arange(0, n, stride))[0]
+    if np.mean(squares[:, 0] == 0.0) > TWINS:
+        places, of_surfel = np.unique(index.points, axis=0, return_inverse=True)
+        distinct = PointIndex(places)
+        found = np.empty(len(places))
+        found[distinct.order] = _spacings(distinct) if len(places) > 1 else 0.0
+        return read_only(found[of_surfel.ravel()])
+    known = np.sqrt(squares[:, k - 1] * (np.pi / k))
+    if stride == 1:
+        return read_only(known)
+    from surfel.inside.interpolation import along_the_order
+
+    return read_only(along_the_order(index.points, known, stride))
+
+
+def _shared(points: Floats) -> Floats:
+    """Return by how many surfels the place of each is shared, itself included."""
+    _, of_surfel, count = np.unique(points, axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(count[of_surfel.ravel()], float)
 
 
 def _bounds(points: Floats) -> Floats:

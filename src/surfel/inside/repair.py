@@ -11,17 +11,22 @@ from numpy.typing import NDArray
 from surfel._numba import kernel, rows, threads_for
 from surfel.core.cast import Booleans, Floats
 from surfel.inside.components import Components
-from surfel.inside.grid import ALL_IN, ALL_OUT, Grid
+from surfel.inside.grid import ALL_IN, ALL_OUT, SIDE, Grid
 from surfel.inside.operand import Operand
 
 UNSURE = 0.1
 """Cells whose winding number is nearer to 1/2 than this are left to the judge."""
+
+FREE = 50_000
+"""So many cells, and as many again as there are surfels, are asked in their parts and once more in empty bricks."""
 
 Words = NDArray[np.uint64]
 Whole = NDArray[np.integer[Any]]
 Ask = Callable[[Floats], Floats]
 
 _SAMPLES = 4
+_WIDTHS = (16, 4, 1)  # blocks of empty bricks are asked first, and those in which places disagree are divided
+_SPREAD = np.array([[8, 8, 8], [1, 1, 1], [15, 15, 1], [15, 1, 15], [1, 15, 15]]) / 16.0
 _FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
@@ -39,6 +44,7 @@ def repair(grid: Grid, parts: Components, leaky: Booleans, operand: Operand) -> 
     def ask(places: Floats) -> Floats:
         return winding(operand, places + operand.origin).value  # negative inside
 
+    most = len(operand) + FREE
     table = grid.table.copy()
     border, inside = grid.border.copy(), grid.inside.copy()
     doubt = np.zeros_like(border)
@@ -52,9 +58,9 @@ def repair(grid: Grid, parts: Components, leaky: Booleans, operand: Operand) -> 
         inside[of_brick[part]] |= parts.parts[part]
     mixed = chosen[~(clear_in | clear_out)]
     masks, numbers = parts.parts[mixed], of_brick[mixed]
-    _ask_cells(grid, ask, masks, numbers, where[numbers], border, inside, doubt)
+    _ask_cells(grid, ask, masks, numbers, where[numbers], border, inside, doubt, most)
 
-    table, border, inside, doubt = _ask_bricks(grid, ask, parts, leaky, table, border, inside, doubt)
+    table, border, inside, doubt = _ask_bricks(grid, ask, parts, leaky, table, border, inside, doubt, most)
     return Grid(grid.low, grid.step, table, border, inside, clearance(table)), doubt
 
 
@@ -106,12 +112,14 @@ def _spread(first, last, parts, chosen, where, low, step, places):
 
 def _ask_cells(
     grid: Grid, ask: Ask, masks: Words, numbers: Whole, where: Whole, border: Words,
-    inside: Words, doubt: Words,
+    inside: Words, doubt: Words, most: int,
 ) -> None:  # fmt: skip
-    """Ask every cell of some parts, and write their bits."""
-    if not len(masks):
-        return
+    """Ask every cell of some parts, and write their bits; where there are too many, all are left to the judge."""
     row, cell = _cells_of(masks)
+    if len(cell) > most:
+        np.bitwise_or.at(border, numbers, masks)  # a brick may have several parts
+        np.bitwise_or.at(doubt, numbers, masks)
+        return
     offset = np.stack([cell >> 6, (cell >> 3) & 7, cell & 7], axis=1)
     value = ask(grid.low + (8 * where[row] + offset + 0.5) * grid.step)
     _set_cells(numbers[row], cell, value, UNSURE, border, inside, doubt)
@@ -147,18 +155,20 @@ def _set_cells(numbers, cells, value, unsure, border, inside, doubt):
 
 def _ask_bricks(
     grid: Grid, ask: Ask, parts: Components, leaky: Booleans, table: NDArray[np.int32], border: Words, inside: Words,
-    doubt: Words,
+    doubt: Words, most: int,
 ) -> tuple[NDArray[np.int32], Words, Words, Words]:  # fmt: skip
     """Colour the bricks that no disk comes near: whole where five places agree, else cell by cell."""
-    place = np.argwhere((parts.of_brick >= 0) & leaky[np.maximum(parts.of_brick, 0)])
-    corners = np.array([[4, 4, 4], [0.5, 0.5, 0.5], [7.5, 7.5, 0.5], [7.5, 0.5, 7.5], [0.5, 7.5, 7.5]])
-    asked = grid.low + (8 * place[:, None] + corners) * grid.step
-    value = ask(asked.reshape(-1, 3)).reshape(-1, len(corners))
-    clear_in, clear_out = (value < -UNSURE).all(axis=1), (value > UNSURE).all(axis=1)
-    table[tuple(place[clear_in].T)] = ALL_IN
-    table[tuple(place[clear_out].T)] = ALL_OUT
-    mixed = np.zeros(table.shape, bool)
-    mixed[tuple(place[~(clear_in | clear_out)].T)] = True
+    todo = (parts.of_brick >= 0) & leaky[np.maximum(parts.of_brick, 0)]
+    empty = todo.copy()
+    for width in _WIDTHS:
+        place = np.argwhere(_whole_blocks(todo, width)) * width
+        asked = grid.low + SIDE * grid.step * (place[:, None] + width * _SPREAD)
+        value = ask(asked.reshape(-1, 3)).reshape(-1, len(_SPREAD))
+        for clear, colour in (((value < -UNSURE).all(axis=1), ALL_IN), ((value > UNSURE).all(axis=1), ALL_OUT)):
+            settled = _blocks_at(place[clear], width, todo.shape)
+            table[settled] = colour
+            todo &= ~settled
+    mixed = todo
     for axis in range(3):  # two colours must not meet without border between them
         one, two = [slice(None)] * 3, [slice(None)] * 3
         one[axis], two[axis] = slice(1, None), slice(None, -1)
@@ -166,12 +176,31 @@ def _ask_bricks(
         differ = (a < 0) & (b < 0) & (a != b)
         mixed[tuple(one)] |= differ
         mixed[tuple(two)] |= differ
-    where = np.argwhere(mixed & (table < 0) | (mixed & (parts.of_brick >= 0)))
+    where = np.argwhere(mixed & (empty | (table < 0)))
     if not len(where):
         return table, border, inside, doubt
     numbers = np.arange(len(border), len(border) + len(where))
     room = np.zeros((len(where), 8), np.uint64)
     border, inside, doubt = (np.concatenate([words, room]) for words in (border, inside, doubt))
     table[tuple(where.T)] = numbers
-    _ask_cells(grid, ask, np.full((len(where), 8), _FULL), numbers, where, border, inside, doubt)
+    _ask_cells(grid, ask, np.full((len(where), 8), _FULL), numbers, where, border, inside, doubt, most)
     return table, border, inside, doubt
+
+
+def _whole_blocks(held: Booleans, width: int) -> Booleans:
+    """Return which blocks of bricks, so many wide, are held in all of their bricks; those beyond the table are none."""
+    counts = [-(-size // width) for size in held.shape]
+    room = np.zeros([count * width for count in counts], bool)
+    room[tuple(slice(0, size) for size in held.shape)] = held
+    blocks = room.reshape(counts[0], width, counts[1], width, counts[2], width)
+    return np.asarray(blocks.all(axis=(1, 3, 5)))
+
+
+def _blocks_at(place: NDArray[np.int64], width: int, shape: tuple[int, ...]) -> Booleans:
+    """Return which bricks belong to the blocks that start at some bricks."""
+    counts = [-(-size // width) for size in shape]
+    blocks = np.zeros(counts, bool)
+    blocks[tuple((place // width).T)] = True
+    for axis in range(3):
+        blocks = np.repeat(blocks, width, axis=axis)
+    return blocks[tuple(slice(0, size) for size in shape)]

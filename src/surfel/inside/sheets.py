@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from surfel._numba import inner, rows, threads_for
 from surfel._vec import dot, norm
@@ -21,6 +22,29 @@ ALIKE = 0.95
 
 WIDTH = 0.35
 """Square of the Gaussian's width over the squared distance to the farthest of the neighbours."""
+
+_WEIGHT = 32  # a place takes the time of so many of the items that threads are started for
+
+
+class OverSheets(NamedTuple):
+    """What the sheets near each of m places say.
+
+    Parameters
+    ----------
+    value : Floats, shape (m,)
+        The distance over the sheet that decides, negative inside.
+    certain : Booleans, shape (m,)
+        Whether both sheets say the same.
+    squares : Floats, shape (m, k)
+        Squared distances of the nearest surfels, ascending.
+    near : NDArray[np.int32], shape (m, k)
+        Their sorted rows.
+    """
+
+    value: Floats
+    certain: Booleans
+    squares: Floats
+    near: NDArray[np.int32]
 
 
 def judge(operand: Operand, queries: ArrayLike) -> Verdict:
@@ -62,29 +86,50 @@ def judge(operand: Operand, queries: ArrayLike) -> Verdict:
     places = operand.local(queries)
     if not len(operand) or not len(places):
         return Verdict.outside(len(places))
-    order = hilbert_order(places)
-    value, certain = np.empty(len(places)), np.empty(len(places), bool)
-    value[order], certain[order] = judge_sorted(operand, places[order])
-    return Verdict.of(value, certain)
+    found = over_sheets(operand, places, hilbert_order(places))
+    return Verdict.of(found.value, found.certain)
 
 
-def judge_sorted(operand: Operand, places: Floats) -> tuple[Floats, Booleans]:
-    """Do the same for local places in an order in which neighbours follow each other."""
-    value, certain = np.empty(len(places)), np.empty(len(places), bool)
-    order = np.arange(len(places), dtype=np.int32)
+def over_sheets(operand: Operand, places: Floats, order: NDArray[np.int32] | None = None) -> OverSheets:
+    """Judge local places; ``order`` is one in which neighbours follow each other, by default the one they are in."""
+    if order is None:
+        order = np.arange(len(places), dtype=np.int32)
     squares, near = operand.index._nearest(places, order, min(NEIGHBOURS, len(operand)), own=False)
-    with threads_for(8 * len(places)):
+    value, certain = np.empty(len(places)), np.empty(len(places), bool)
+    with threads_for(_WEIGHT * len(places)):
         _judge(len(places), operand.points, operand.normals, places, squares, near, value, certain)
-    return value, certain
+    return OverSheets(value, certain, squares, near)
 
 
 @rows
 def _judge(first, last, points, normals, places, squares, near, value, certain):
+    """Judge places; one sheet, which is most frequent, is looked at here, for calls count references to arrays."""
+    k = near.shape[1]
     sums = np.empty((2, 8))
     for i in range(first, last):
-        value[i], certain[i] = side_of_sheets(
-            points, normals, places[i, 0], places[i, 1], places[i, 2], squares[i], near[i], sums
-        )
+        x, y, z = places[i, 0], places[i, 1], places[i, 2]
+        lead = near[i, 0]
+        lx, ly, lz = normals[lead, 0], normals[lead, 1], normals[lead, 2]
+        least = 2.0
+        for a in range(k):
+            j = near[i, a]
+            least = min(least, dot(lx, ly, lz, normals[j, 0], normals[j, 1], normals[j, 2]))
+        if not least > ALIKE:
+            value[i], certain[i] = side_of_sheets(points, normals, x, y, z, squares[i], near[i], sums)
+            continue
+        inverse = 1.0 / (WIDTH * squares[i, k - 1]) if squares[i, k - 1] > 0.0 else 0.0
+        mx = my = mz = px = py = pz = total = height = 0.0
+        for a in range(k):
+            j = near[i, a]
+            nx, ny, nz = normals[j, 0], normals[j, 1], normals[j, 2]
+            weight = math.exp((squares[i, 0] - squares[i, a]) * inverse)
+            dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
+            mx, my, mz = mx + weight * nx, my + weight * ny, mz + weight * nz
+            px, py, pz = px + weight * dx, py + weight * dy, pz + weight * dz
+            total += weight
+            height -= weight * dot(nx, ny, nz, dx, dy, dz)
+        value[i] = 0.5 * (height - dot(mx, my, mz, px, py, pz) / norm(mx, my, mz)) / total
+        certain[i] = True
 
 
 @inner

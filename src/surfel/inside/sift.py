@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from surfel._numba import inlined, inner, rows, threads_for
 from surfel.core.cast import Booleans, Floats
-from surfel.inside.grid import BORDER, IN, OUT, Grid, bit_of, colour_of_ball
+from surfel.inside.grid import BORDER, IN, OUT, Grid, colour_of_ball
 from surfel.inside.owners import Owners, owner_of
 from surfel.inside.spheres import BLOCK, WIDTH, Spheres
 
@@ -16,6 +16,7 @@ UNDECIDED = -1
 
 _TOP = 2  # spheres of this level (or the highest) are the items that threads share
 _STACK = 64
+_RUN = 256  # places that are settled together
 
 
 def sift_sorted(
@@ -30,7 +31,7 @@ def sift_sorted(
     near : Booleans, shape (n,)
         Whether border lies within ``reach``.
     """
-    kind, near = np.empty(len(points), np.int8), np.empty(len(points), bool)
+    kind, near = np.zeros(len(points), np.int8), np.zeros(len(points), bool)  # OUT, which is not written
     top = min(_TOP, len(spheres.levels) - 2)
     count = int(spheres.levels[top + 1] - spheres.levels[top])
     with threads_for(len(points)):
@@ -44,7 +45,7 @@ def sift_each(
     grid: Grid, owners: Owners, slabs: Floats, points: Floats, motion: Floats, reach: float
 ) -> tuple[NDArray[np.int8], Booleans]:
     """Sift points in any order, one by one."""
-    kind, near = np.empty(len(points), np.int8), np.empty(len(points), bool)
+    kind, near = np.zeros(len(points), np.int8), np.zeros(len(points), bool)  # OUT, which is not written
     with threads_for(len(points)):
         _sift_points(len(points), points, motion, reach, *grid, owners.base, owners.owned, slabs, kind, near)
     return kind, near
@@ -56,37 +57,48 @@ def _sift_spheres(
     slabs, kind, near,
 ):  # fmt: skip
     n = len(points)
-    stack = np.empty(_STACK, np.int64)
+    stack, todo = np.empty(_STACK, np.int64), np.empty(BLOCK << (3 * _TOP), np.int64)
+    left, cells, bricks = np.empty_like(todo), np.empty_like(todo), np.empty_like(todo)
     for item in range(first, last):
-        stack[0], height = (top << 40) | item, 1
+        stack[0], height, count = (top << 40) | item, 1, 0
         while height > 0:
             height -= 1
             level, node = stack[height] >> 40, stack[height] & 0xFFFFFFFFFF
             here = levels[level] + node
             x, y, z = _moved(motion, centres[here, 0], centres[here, 1], centres[here, 2])
             colour = colour_of_ball(low, step, table, border, inside, gap, x, y, z, radii[here] + reach)
-            if colour != BORDER:
+            if colour == IN:
                 size = BLOCK << (3 * level)
                 for i in range(node * size, min(n, (node + 1) * size)):
-                    kind[i], near[i] = colour, False
-            elif level > 0:
+                    kind[i] = IN
+            elif colour == BORDER and level > 0:
                 for child in range(node * WIDTH, min(node * WIDTH + WIDTH, levels[level] - levels[level - 1])):
                     stack[height] = ((level - 1) << 40) | child
                     height += 1
-            else:
-                _settle(
-                    node * BLOCK, min(n, node * BLOCK + BLOCK), points, motion, reach, low, step, table, border, inside,
-                    gap, base, owned, slabs, kind, near,
-                )  # fmt: skip
+            elif colour == BORDER:
+                for i in range(node * BLOCK, min(n, node * BLOCK + BLOCK)):
+                    todo[count] = i
+                    count += 1
+        _settle(
+            todo, count, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, kind, near,
+            left, cells, bricks,
+        )  # fmt: skip
 
 
 @rows
 def _sift_points(
     first, last, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, kind, near
 ):  # fmt: skip
-    _settle(
-        first, last, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, kind, near
-    )  # fmt: skip
+    todo = np.empty(_RUN, np.int64)
+    left, cells, bricks = np.empty_like(todo), np.empty_like(todo), np.empty_like(todo)
+    for start in range(first, last, _RUN):
+        count = min(_RUN, last - start)
+        for m in range(count):
+            todo[m] = start + m
+        _settle(
+            todo, count, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, kind, near,
+            left, cells, bricks,
+        )  # fmt: skip
 
 
 @inlined
@@ -101,35 +113,57 @@ def _moved(motion, x, y, z):
 
 @inner
 def _settle(
-    start, stop, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, kind, near
+    todo, many, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, kind, near, left,
+    cells, bricks,
 ):  # fmt: skip
-    """Write the kind of each place of a run, and whether it is near: by its cell, or by the slab of its cell."""
+    """Write the kind of the first ``many`` places of ``todo``, and which are near: by their cells, or by slabs.
+
+    What is outside and far is not written. The cells are looked up without the branches that nobody could predict, and
+    those of the border are kept in ``left``, ``cells`` and ``bricks``, scratch as long as ``todo``.
+    """
     inverse = 1.0 / step
     nx, ny, nz = 8.0 * table.shape[0], 8.0 * table.shape[1], 8.0 * table.shape[2]
-    for i in range(start, stop):
-        x, y, z = _moved(motion, points[i, 0], points[i, 1], points[i, 2])
-        a, b, c = (x - low[0]) * inverse, (y - low[1]) * inverse, (z - low[2]) * inverse
-        colour = OUT
-        if a >= 0.0 and b >= 0.0 and c >= 0.0 and a < nx and b < ny and c < nz:
-            u, v, w = int(a), int(b), int(c)
-            brick = table[u >> 3, v >> 3, w >> 3]
-            colour = -1 - brick
-            if brick >= 0:
-                bit = bit_of(v & 7, w & 7)
-                colour = IN if inside[brick, u & 7] & bit else OUT
-                if border[brick, u & 7] & bit:
-                    colour = BORDER
-        near[i] = colour == BORDER
-        if colour == BORDER:
-            colour = UNDECIDED
-            if brick < len(base) and len(slabs) > 0:
-                cell = owner_of(owned[brick, u & 7], base[brick, u & 7], bit)
-                if cell >= 0:
-                    along = slabs[cell, 0] * x + slabs[cell, 1] * y + slabs[cell, 2] * z
-                    if along < slabs[cell, 3]:
-                        colour = IN
-                    elif along > slabs[cell, 4]:
-                        colour = OUT
-        elif reach > 0.0:
-            near[i] = colour_of_ball(low, step, table, border, inside, gap, x, y, z, reach) == BORDER
+    lx, ly, lz = low[0], low[1], low[2]
+    m00, m01, m02, m03 = motion[0, 0], motion[0, 1], motion[0, 2], motion[0, 3]
+    m10, m11, m12, m13 = motion[1, 0], motion[1, 1], motion[1, 2], motion[1, 3]
+    m20, m21, m22, m23 = motion[2, 0], motion[2, 1], motion[2, 2], motion[2, 3]
+    one = np.uint64(1)
+    count = 0
+    for m in range(many):
+        i = todo[m]
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        a = (m00 * px + m01 * py + m02 * pz + m03 - lx) * inverse
+        b = (m10 * px + m11 * py + m12 * pz + m13 - ly) * inverse
+        c = (m20 * px + m21 * py + m22 * pz + m23 - lz) * inverse
+        if not (a >= 0.0 and b >= 0.0 and c >= 0.0 and a < nx and b < ny and c < nz):
+            continue
+        u, v, w = int(a), int(b), int(c)
+        brick = table[u >> 3, v >> 3, w >> 3]
+        if brick < 0:
+            kind[i] = -1 - brick
+            continue
+        place = np.uint64(8 * (v & 7) + (w & 7))
+        within = (border[brick, u & 7] >> place) & one
+        kind[i] = np.int64((inside[brick, u & 7] >> place) & one)
+        near[i] = within
+        left[count], cells[count], bricks[count] = i, (u & 7) << 6 | np.int64(place), brick
+        count += np.int64(within)
+    for m in range(count):
+        i, brick = left[m], bricks[m]
+        colour = UNDECIDED
+        if brick < len(base) and len(slabs) > 0:
+            layer = cells[m] >> 6
+            cell = owner_of(owned[brick, layer], base[brick, layer], one << np.uint64(cells[m] & 63))
+            if cell >= 0:
+                x, y, z = _moved(motion, points[i, 0], points[i, 1], points[i, 2])
+                along = slabs[cell, 0] * x + slabs[cell, 1] * y + slabs[cell, 2] * z
+                if along < slabs[cell, 3]:
+                    colour = IN
+                elif along > slabs[cell, 4]:
+                    colour = OUT
         kind[i] = colour
+    for m in range(many if reach > 0.0 else 0):
+        i = todo[m]
+        if not near[i]:
+            x, y, z = _moved(motion, points[i, 0], points[i, 1], points[i, 2])
+            near[i] = colour_of_ball(low, step, table, border, inside, gap, x, y, z, reach) == BORDER

@@ -14,16 +14,31 @@ from surfel.inside.components import Components
 from surfel.inside.grid import BORDER, IN, OUT, Frame, bit_of
 from surfel.inside.operand import Operand
 from surfel.inside.owners import Owners, owner_of
-from surfel.inside.sheets import judge_sorted
+from surfel.inside.sheets import over_sheets
 
 MINORITY = 0.02
 """Share of the votes for a component, against its majority, from which it is leaky."""
 
 SLIGHT = 0.005
-"""A minority of less than this share of all votes is no leak; a component that small is left to the judge."""
+"""A minority of less than this share of the whole area is no leak; a component that small is left to the judge."""
+
+HEAVIEST = 8.0
+"""No vote weighs more than so many times the median: a stray may stand for any area."""
+
+SCARCE = 2.5
+"""A component with fewer votes than this, of mean area, is left to the judge as well."""
 
 SAMPLE = 8
-"""Every so many surfels vote first; where they all agree, and see all there is, that is it."""
+"""Every so many surfels vote first; where nothing leaks and hardly any are flipped, that is it."""
+
+FEWEST = 16_000
+"""Where there are fewer surfels than this, all of them vote."""
+
+FEW = 5e-4
+"""Share of the first to vote, flipped, up to which only those beside these are looked at as well."""
+
+BESIDE = 64
+"""How far along the order that is."""
 
 _COHERENT = 0.3  # mean normals shorter than this say nothing
 _OPPOSED = -0.2  # cosine, with the surfel's own cell, at which another sheet is taken to begin
@@ -51,6 +66,25 @@ class Ballot(NamedTuple):
     leaky: Booleans
 
 
+class Sight(NamedTuple):
+    """What some surfels see before (0) and behind (1) them.
+
+    Parameters
+    ----------
+    chosen : NDArray[np.int32], shape (m,)
+        Which surfels.
+    guarded, seen : NDArray[np.int32], shape (m, 2)
+        The first free component, -1 for none; ``guarded`` only where their own sheet alone lies before it.
+    depth : Floats, shape (m, 2)
+        How far off it is.
+    """
+
+    chosen: NDArray[np.int32]
+    guarded: NDArray[np.int32]
+    seen: NDArray[np.int32]
+    depth: Floats
+
+
 def vote(frame: Frame, bricks: Bricks, parts: Components, owners: Owners, operand: Operand) -> Ballot:
     """Colour the components by the areas of the surfels that see them along their normals.
 
@@ -60,39 +94,62 @@ def vote(frame: Frame, bricks: Bricks, parts: Components, owners: Owners, operan
     behind are flipped, and vote again turned round. Where votes disagree still, those who looked through another sheet
     unawares have no vote.
     """
-    points, normals = operand.points, operand.normals
-    for stride in (SAMPLE, 1):
-        rows_ = np.arange(0, len(points), stride, dtype=np.int32)
-        n = len(rows_)
-        guarded, seen = np.empty((n, 2), np.int32), np.empty((n, 2), np.int32)
-        depth = np.empty((n, 2))
-        with threads_for(4 * n):
-            _look(
-                n, rows_, points, normals, frame.low, frame.step, *bricks[:2], *parts[:4], *owners, guarded, seen, depth
-            )
-        areas, flipped = operand.areas[rows_], np.zeros(n, bool)
-        votes = _count(guarded, areas, flipped, parts.number)
-        colours = _majority(votes, _facing_out(guarded, areas, parts.number))
-        if _unanimous(votes, colours):
-            return Ballot(colours, np.zeros(len(points), bool), 0.0, np.zeros(parts.number, bool))
-    _find_flipped(colours, seen, flipped)
-    votes = _count(guarded, areas, flipped, parts.number)
+    every = np.arange(0, len(operand), SAMPLE if len(operand) >= FEWEST else 1, dtype=np.int32)
+    space = (frame, bricks, parts, owners)
+    sight = _seen(*space, operand, every)
+    ballot = _ballot(operand, sight, parts.number)
+    if len(every) == len(operand):
+        return ballot
+    if ballot.leaky.any() or ballot.flipped.sum() > FEW * len(every):
+        return _ballot(operand, _seen(*space, operand, np.arange(len(operand), dtype=np.int32)), parts.number)
+    flipped = np.zeros(len(operand), bool)
+    if ballot.flipped.any():  # and so may others be that lie beside these
+        beside = np.unique(np.clip(every[ballot.flipped][:, None] + np.arange(-BESIDE, BESIDE), 0, len(operand) - 1))
+        sight = _seen(*space, operand, beside.astype(np.int32))
+        turned = np.zeros(len(beside), bool)
+        _find_flipped(ballot.colours, sight.seen, turned)
+        flipped[beside[turned]] = True
+    return ballot._replace(flipped=flipped)
+
+
+def _seen(
+    frame: Frame, bricks: Bricks, parts: Components, owners: Owners, operand: Operand, chosen: NDArray[np.int32]
+) -> Sight:
+    """Let some surfels look before and behind them."""
+    n = len(chosen)
+    guarded, seen, depth = np.empty((n, 2), np.int32), np.empty((n, 2), np.int32), np.empty((n, 2))
+    with threads_for(4 * n):
+        _look(
+            n, chosen, operand.points, operand.normals, frame.low, frame.step, *bricks[:2], *parts[:4], *owners,
+            guarded, seen, depth,
+        )  # fmt: skip
+    depth *= frame.step
+    return Sight(chosen, guarded, seen, depth)
+
+
+def _ballot(operand: Operand, sight: Sight, components: int) -> Ballot:
+    """Count the votes of some surfels; ``flipped`` has a row for each of these."""
+    guarded, areas = sight.guarded, operand.areas[sight.chosen]
+    if areas.any():
+        areas = np.minimum(areas, HEAVIEST * np.median(areas[areas > 0.0]))
+    flipped = np.zeros(len(areas), bool)
+    votes = _count(guarded, areas, flipped, components)
+    colours = _majority(votes, _facing_out(guarded, areas, components))
+    _find_flipped(colours, sight.seen, flipped)
+    votes = _count(guarded, areas, flipped, components)
     colours = _majority(votes)
-    if _leaky(votes).any():
-        guarded[_contradicted(operand, guarded, depth * frame.step, colours, flipped)] = -1
-        votes = _count(guarded, areas, flipped, parts.number)
+    everything = float(areas.sum())
+    if _leaky(votes, everything).any():
+        guarded[_contradicted(operand, sight, colours, flipped)] = -1
+        votes = _count(guarded, areas, flipped, components)
         colours = _majority(votes)
     minority, total = _minority(votes), votes.sum(axis=1)
-    everything = float(total.sum())
     slight = (minority > MINORITY * total) & (total < SLIGHT * everything)
+    slight |= total < SCARCE * areas.mean()
     slight[0] = False
     colours[slight] = BORDER
-    conflict = float(minority.sum()) / everything if everything > 0.0 else 0.0
-    return Ballot(colours, flipped, conflict, _leaky(votes))
-
-
-def _unanimous(votes: Floats, colours: NDArray[np.int8]) -> bool:
-    return bool((_minority(votes) == 0.0).all() and (votes.min(axis=1) == 0.0).all() and (colours != BORDER).all())
+    conflict = float(minority.sum() / total.sum()) if total.any() else 0.0
+    return Ballot(colours, flipped, conflict, _leaky(votes, everything))
 
 
 def _minority(votes: Floats) -> Floats:
@@ -101,9 +158,9 @@ def _minority(votes: Floats) -> Floats:
     return minority
 
 
-def _leaky(votes: Floats) -> Booleans:
+def _leaky(votes: Floats, everything: float) -> Booleans:
     minority, total = _minority(votes), votes.sum(axis=1)
-    return np.asarray((minority > MINORITY * total) & (minority > SLIGHT * total.sum()))
+    return np.asarray((minority > MINORITY * total) & (minority > SLIGHT * everything))
 
 
 def _majority(votes: Floats, facing: Floats | None = None) -> NDArray[np.int8]:
@@ -124,20 +181,20 @@ def _facing_out(guarded: NDArray[np.int32], areas: Floats, components: int) -> F
     return facing
 
 
-def _contradicted(
-    operand: Operand, guarded: NDArray[np.int32], depth: Floats, colours: NDArray[np.int8], flipped: Booleans
-) -> Booleans:
+def _contradicted(operand: Operand, sight: Sight, colours: NDArray[np.int8], flipped: Booleans) -> Booleans:
     """Tell which votes against the majority are wrong by the surfels nearest to the cell that was seen.
 
     On a thin plate a surfel may look past cells that hold no centre of the other side, and see the outside behind it.
     """
     inward = np.array([False, True]) ^ flipped[:, None]
-    minority = (guarded >= 0) & (inward != (colours[guarded] == IN))
+    minority = (sight.guarded >= 0) & (inward != (colours[sight.guarded] == IN))
     row, side = np.nonzero(minority)
-    sign = np.where(side == 0, 1.0, -1.0) * depth[row, side]
-    normals = np.where(flipped[:, None], -operand.normals, operand.normals)
-    places = operand.points[row] + sign[:, None] * operand.normals[row]
-    minority[row, side] = (judge_sorted(operand.with_normals(normals), places)[0] < 0.0) != inward[row, side]
+    chosen = sight.chosen[row]
+    sign = np.where(side == 0, 1.0, -1.0) * sight.depth[row, side]
+    normals = operand.normals.copy()
+    normals[sight.chosen[flipped]] *= -1.0
+    places = operand.points[chosen] + sign[:, None] * operand.normals[chosen]
+    minority[row, side] = (over_sheets(operand.with_normals(normals), places).value < 0.0) != inward[row, side]
     return np.asarray(minority)
 
 

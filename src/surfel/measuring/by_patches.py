@@ -30,8 +30,10 @@ MOST_POINTS = 1 << 27
 
 _SHIFTS = 16  # of the samples of a mesh
 _LEAST = 64  # points of a leaf
+_SHARE_ERROR = 0.1  # of a cell that a cut passes
 _ROUNDING = 4.0 * 2.0**-52
-_STEPS = np.array([[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]) / math.sqrt(2.0)
+_FEW, _MORE = 6, 24  # places in an element of a cloud: to find those that a cut passes, and in these
+_GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +152,8 @@ def _sum_of(parts: list[Estimate]) -> Estimate:
 def _part_of_cloud(tree: Tree, k: int) -> tuple[Estimate, int]:
     """Return the part of a cloud's area that a tree keeps, and how many cells were judged.
 
-    Each cell is asked at four places about its point. The error joins that of the cloud's area with that of the cells
-    that the cut passes, of which the share is known to about a quarter.
+    The error joins that of the cloud's area with that of the cells that the cut passes: their shares are those of disks
+    of their size, good to about a tenth.
     """
     cloud = tree.leaves[k]
     assert isinstance(cloud, Surfels)
@@ -165,7 +167,7 @@ def _part_of_cloud(tree: Tree, k: int) -> tuple[Estimate, int]:
     share = _kept_shares(tree, k, patches)
     part = float((patches.areas * share).sum())
     whole = float(patches.areas.sum())
-    cut = patches.areas * (share > 0.0) * (share < 1.0) * 0.25
+    cut = patches.areas * (share > 0.0) * (share < 1.0) * _SHARE_ERROR
     square = surface.scale**2
     sampled = sampling.standard_error * square * (part / whole) ** 0.5
     error = combine_errors(sampled, math.sqrt(float((cut * cut).sum())))
@@ -173,16 +175,46 @@ def _part_of_cloud(tree: Tree, k: int) -> tuple[Estimate, int]:
 
 
 def _kept_shares(tree: Tree, k: int, patches: Patches) -> Floats:
-    """Return which share of each element the tree keeps, from four places about it."""
-    helper = np.where(np.abs(patches.normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    across = np.cross(patches.normals, helper)
+    """Return which share of each element the tree keeps, from places in a disk of its size.
+
+    Places round its rim tell which elements a cut passes, and more places what it leaves of these. Where the surface of
+    another cloud coincides with an element, its own place decides: about it, the other cloud is as rough as this one.
+    """
+    program = tree.program
+    share = _share_of(tree, k, patches, np.arange(len(patches)), _rim(_FEW))
+    cut = np.flatnonzero((share > 0.0) & (share < 1.0))
+    share[cut] = _share_of(tree, k, patches, cut, _disk(_MORE))
+    same = cut[program.meets_cloud(patches.points[cut], patches.normals[cut], k)]
+    share[same] = program.keeps(patches.points[same], patches.normals[same], k) != 0
+    return share
+
+
+def _share_of(tree: Tree, k: int, patches: Patches, rows: NDArray[np.int64], steps: Floats) -> Floats:
+    points, normals = patches.points[rows], patches.normals[rows]
+    helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    across = np.cross(normals, helper)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
-    along = np.cross(patches.normals, across)
-    radius = np.sqrt(np.maximum(patches.areas, 0.0) / math.pi)[:, None]
-    kept: NDArray[np.float64] = np.zeros(len(patches))
-    for u, v in _STEPS:
-        kept += tree.program.keeps(patches.points + radius * (u * across + v * along), patches.normals, k) != 0
-    return kept / len(_STEPS)
+    along = np.cross(normals, across)
+    angle = (rows * _GOLDEN)[:, None]  # each turned by another angle: a cut mostly runs the same way through many
+    across, along = across * np.cos(angle) + along * np.sin(angle), along * np.cos(angle) - across * np.sin(angle)
+    radius = np.sqrt(np.maximum(patches.areas[rows], 0.0) / math.pi)[:, None]
+    kept: NDArray[np.float64] = np.zeros(len(rows))
+    for u, v in steps:
+        kept += tree.program.keeps(points + radius * (u * across + v * along), normals, k) != 0
+    return kept / len(steps)
+
+
+def _rim(count: int) -> Floats:
+    """Return places evenly round the rim of the unit disk."""
+    angle = np.arange(count) * (2.0 * math.pi / count)
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _disk(count: int) -> Floats:
+    """Return places in the unit disk, each for as much of its area: on a spiral that turns by the golden angle."""
+    ring = np.arange(count) + 0.5
+    radius, angle = np.sqrt(ring / count), ring * _GOLDEN
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
 
 
 def _half_width(estimate: Estimate, whole: float) -> float:

@@ -19,6 +19,9 @@ from surfel.surface.sampling_error import HALVES_FROM, TOO_NOISY
 FEW_POINTS = 100
 """With fewer points no interval is called reliable."""
 
+TOO_COARSE = 0.12
+"""An interval wider than this share of the value, to either side, means that the points do not show the shape."""
+
 
 def measure_cloud(
     cloud: Surfels, method: str, count_lines: Callable[[], LineResult], weigh_inside: Callable[[], LineResult]
@@ -90,14 +93,19 @@ def _area_of_cloud(surface: CloudSurface, counted: LineResult | None) -> Estimat
         reasons.append(f"only {points} points")
     elif points < HALVES_FROM:
         reasons.append(f"{points} points are too few to be halved, which tells how well they sample the shape")
+    if surface.overlaid:
+        reasons.append(
+            "layers that face the same way lie closer than their points, as of scans laid over each other: each counts, "
+            "so the area is that of all layers together; merge the scans, or leave out the normals"
+        )
     if surface.two_sheets:
         reasons.append(
             f"what reads as noise of {local.noise:.2f} spacings is two sheets nearer to each other than the points of "
-            "one: the area is that of about one of them"
+            "one, a thin plate or scans laid over each other: the area is that of about one of them"
         )
     elif local.noise > TOO_NOISY:
         reasons.append(f"noise of {local.noise:.2f} spacings hides the surface")
-    if points >= HALVES_FROM and error * 1.96 > 0.25 * value:
+    if points >= HALVES_FROM and error * 1.96 > TOO_COARSE * value:
         reasons.append(f"the sampling is too coarse for the shape: {_coarse(surface)}")
     return Estimate(value, error, reliable=not reasons, reason="; ".join(reasons))
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +24,16 @@ from surfel.surface.noise import is_two_sheets
 from surfel.surface.orient import Orientation, orient
 from surfel.surface.patches import LocalPatches, local_patches
 from surfel.surface.sampling_error import SamplingError, sampling_error
+from surfel.surface.steps import faces_one_way
+
+if TYPE_CHECKING:
+    from surfel.shapes.clips import Clips
 
 Value = TypeVar("Value")
+
+
+SLIVER = 0.05
+"""Surfels of which a cut has left less than this share of the median area add it to the others."""
 
 
 class CloudSurface:
@@ -40,10 +49,13 @@ class CloudSurface:
         Finite coordinates.
     normals : Floats, shape (n, 3), optional
         Unit normals, zero where unknown.
+    clips : Clips, optional
+        What cut the surfels off: they stand for what is left of their cells, and no border is added at a cut.
     """
 
-    def __init__(self, points: Floats, normals: Floats | None) -> None:
+    def __init__(self, points: Floats, normals: Floats | None, clips: Clips | None = None) -> None:
         self._given = normals
+        self._clips = clips
         self._count = len(points)
         self._lock = threading.RLock()
         self._known: dict[str, Any] = {}
@@ -64,6 +76,12 @@ class CloudSurface:
         return self._cleaned[1]
 
     @property
+    def rows(self) -> NDArray[np.int64]:
+        """The rows of the cloud that cleaning left, ascending; none where there is no surface."""
+        hood = self._cleaned[0]
+        return np.empty(0, np.int64) if hood is None else np.sort(hood.rows)
+
+    @property
     def noise(self) -> float:
         """Standard deviation of the points off the surface, in spacings; NaN where there is no surface."""
         return math.nan if self.local is None else self.local.noise
@@ -73,6 +91,15 @@ class CloudSurface:
         """Whether what reads as noise is two sheets of points nearer to each other than their spacing."""
         hood, noise = self._cleaned[0], self.noise
         return hood is not None and self._once("two_sheets", lambda: is_two_sheets(hood.index, noise))
+
+    @property
+    def overlaid(self) -> bool:
+        """Whether layers of points that face the same way, by the given normals, lie closer than their points."""
+        hood, local = self._cleaned[0], self.local
+        if hood is None or local is None or self._given is None or not local.sheets:
+            return False
+        given = self._given[hood.rows]
+        return self._once("overlaid", lambda: faces_one_way(hood, given))
 
     @property
     def spacing(self) -> float:
@@ -85,15 +112,27 @@ class CloudSurface:
         hood = self._cleaned[0]
         if hood is None:
             return None
-        return self._once("local", lambda: local_patches(hood, self._given, star=STAR))
+        return self._once("local", lambda: self._carried(self._estimated(hood)))
 
     @property
     def error(self) -> SamplingError | None:
         """How far the area may be off, in scaled units; None where there is no surface."""
-        hood, local = self._cleaned[0], self.local
-        if hood is None or local is None:
+        hood = self._cleaned[0]
+        if hood is None:
             return None
-        return self._once("error", lambda: sampling_error(hood, self._given, local))
+        return self._once("error", lambda: sampling_error(hood, self._given, self._estimated(hood)))
+
+    def _estimated(self, hood: Neighbourhoods) -> LocalPatches:
+        return self._once("estimated", lambda: local_patches(hood, self._given, star=STAR))
+
+    def _carried(self, found: LocalPatches) -> LocalPatches:
+        """Return the patches with the areas that clipped surfels carry."""
+        areas = None if self._clips is None else self._clips.areas
+        if areas is None:
+            return found
+        kept = areas[found.hood.rows]
+        total = float(kept.sum())  # what slivers stand for is shared out to the others
+        return replace(found, areas=kept * (float(areas.sum()) / total if total else 1.0) / self.scale**2)
 
     @property
     def known(self) -> tuple[LocalPatches, SamplingError]:
@@ -160,7 +199,16 @@ class CloudSurface:
 
     @property
     def _cleaned(self) -> tuple[Neighbourhoods | None, dict[str, int]]:
-        return self._once("cleaned", lambda: cleaned(self._points, self._given))
+        return self._once("cleaned", self._clean)
+
+    def _clean(self) -> tuple[Neighbourhoods | None, dict[str, int]]:
+        """Leave out duplicates and strays, and slivers that a cut has left: they would crowd its edge."""
+        areas = None if self._clips is None else self._clips.areas
+        if areas is None or not len(areas):
+            return cleaned(self._points, self._given)
+        large = np.flatnonzero(areas >= SLIVER * np.median(areas))
+        hood, counts = cleaned(self._points[large], None if self._given is None else self._given[large])
+        return (None if hood is None else replace(hood, rows=large[hood.rows])), counts
 
     def _surface(self) -> LocalPatches:
         local = self.local

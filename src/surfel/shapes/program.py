@@ -15,6 +15,8 @@ from surfel.core.crossings import Crossings
 from surfel.core.lines import Lines
 from surfel.index.box_tree import box_tree
 from surfel.shapes.base import Shape
+from surfel.shapes.cloud_inside import events_at, lies_on
+from surfel.shapes.cloud_passages import closed_events
 from surfel.shapes.convex import ConvexLeaves, convex_leaves
 from surfel.shapes.extent import boxes_of, is_empty
 from surfel.shapes.logic import Logic, logic_of, refuse_lost_sheets
@@ -89,6 +91,15 @@ class Program:
         upward = np.broadcast_to(np.array([0.3015, 0.5371, 0.7878]) / 0.99997, points.shape)
         return self._judge(points, np.ascontiguousarray(upward), -1)[0]
 
+    def meets_cloud(self, points: Floats, normals: Floats, leaf: int) -> NDArray[np.bool_]:
+        """Tell which elements of the surface of a leaf coincide with the surface of another leaf that is a cloud."""
+        found = np.zeros(len(points), np.bool_)
+        for k in self.clouds:
+            other = self.leaves[k]
+            if isinstance(other, Surfels) and k != leaf and len(points):
+                found |= lies_on(other, points, normals)
+        return found
+
     def _judge(self, points: Floats, normals: Floats, leaf: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         n = len(points)
         inner_side, outer_side = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
@@ -96,13 +107,12 @@ class Program:
         for k in self.others:
             if k == leaf or k in self.sheets:
                 continue
-            margin = 1e-9 * self.size
+            margin = self._margin(k)
             low, high = self.boxes[k, 0] - margin, self.boxes[k, 1] + margin
             near = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
             if len(near):
-                lines = Lines(points[near], normals[near], np.ones(len(near)))
-                found.append((k, *self._passages(k, lines), near))
-        others = _packed([(k, mode, _spread(events, near, n)) for k, mode, events, near in found], n)
+                found.append((k, self._passages(k, points[near], normals[near], leaf), near))
+        others = _packed([(k, BOUNDARY, _spread(events, near, n)) for k, events, near in found], n)
         mode = SHEET if leaf in self.sheets else BOUNDARY
         with threads_for(4 * n):
             judge_points(
@@ -110,11 +120,17 @@ class Program:
             )
         return inner_side, outer_side
 
-    def _passages(self, k: int, lines: Lines) -> tuple[int, Crossings]:
+    def _margin(self, k: int) -> float:
+        """Return how far outside the box of a leaf there may be something of it."""
         leaf = self.leaves[k]
-        if isinstance(leaf, Surfels):
-            return FLIP, closed_events(leaf, lines, leaf._cross(lines))
-        return BOUNDARY, leaf._events(lines)
+        return max(1e-9 * self.size, leaf.surface.spacing if isinstance(leaf, Surfels) else 0.0)
+
+    def _passages(self, k: int, points: Floats, normals: Floats, leaf: int) -> Crossings:
+        """Return what lies behind some points of the surface of a leaf and at them."""
+        other = self.leaves[k]
+        if isinstance(other, Surfels):
+            return events_at(other, points, normals if leaf >= 0 else None)
+        return other._events(Lines(points, normals, np.ones(len(points))))
 
     def _sources(self, lines: Lines) -> tuple[list[Source], list[Source]]:
         """Return the sources of the hits, and those of the passages through the solid."""
@@ -216,29 +232,6 @@ def _where_leaves_matter(tree: Tree, order: list[Shape]) -> Floats:
 
 def _common(a: Floats, b: Floats) -> Floats:
     return np.stack([np.maximum(a[0], b[0]), np.minimum(a[1], b[1])])
-
-
-def closed_events(cloud: Surfels, lines: Lines, raw: Crossings) -> Crossings:
-    """Return the passages of lines through a closed cloud, an even number on each line.
-
-    Where a line leaks, the cloud is asked what lies between its events, and only those that part inside from outside
-    stay.
-    """
-    events = cloud._sheets(raw)
-    odd = np.flatnonzero(events.counts % 2 == 1)
-    if len(odd) == 0:
-        return events
-    rows = np.concatenate([np.arange(events.offsets[line], events.offsets[line + 1]) for line in odd])
-    line = np.repeat(odd, events.counts[odd])
-    last = np.append(line[1:] != line[:-1], True)
-    middle = 0.5 * (events.t[rows] + events.t[np.minimum(rows + 1, len(events.t) - 1)])
-    points = lines.origins[line] + middle[:, None] * lines.directions[line]
-    after = cloud.surface.contains(points) & ~last
-    before = np.concatenate([[False], after[:-1]])
-    stays = np.ones(len(events.t), np.bool_)
-    stays[rows[before == after]] = False
-    offsets = np.concatenate([[0], np.cumsum(np.bincount(events.lines[stays], minlength=len(lines)))])
-    return Crossings(offsets, events.t[stays], events.cosine[stays], events.weight[stays], events.leaf[stays])
 
 
 def _spread(events: Crossings, rows: NDArray[np.int64], n: int) -> Crossings:

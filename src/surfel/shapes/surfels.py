@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfel.core.affine import as_affine
-from surfel.core.cast import Floats, as_points, as_rows, read_only
+from surfel.core.cast import Floats, as_choice, as_points, as_rows, read_only
 from surfel.core.crossings import Crossings
 from surfel.core.errors import InputError
 from surfel.core.lines import Lines
@@ -19,6 +19,9 @@ from surfel.core.patches import Patches
 from surfel.shapes.base import Shape
 
 if TYPE_CHECKING:
+    from surfel.inside.classify import Classifier
+    from surfel.inside.operand import Operand
+    from surfel.shapes.clips import Clips
     from surfel.shapes.cloud_surface import CloudSurface
 
 CLOSED_BELOW = 0.02
@@ -48,6 +51,12 @@ class Surfels(Shape):
         True: the cloud bounds a solid even where it leaks. False: it is a sheet. None: decided from the leak share.
     provenance : mapping, optional
         Where the cloud came from and what the reader did to it.
+    axes : array_like, shape (n, 2, 3), optional
+        Half axes of elliptical surfels, in their planes and at right angles to each other.
+    clips : Clips, optional
+        The planes that cut surfels off; what :func:`surfel.combine` gives its results.
+    judge : str, optional
+        Which judge tells the inside of this cloud in Boolean operations, ``auto`` included; None leaves it to them.
 
     Raises
     ------
@@ -74,6 +83,9 @@ class Surfels(Shape):
         attributes: Mapping[str, ArrayLike] | None = None,
         solid: bool | None = None,
         provenance: Mapping[str, object] | None = None,
+        axes: ArrayLike | None = None,
+        clips: Clips | None = None,
+        judge: str | None = None,
     ) -> None:
         place = as_points(points, finite=False)
         rows = len(place)
@@ -99,9 +111,14 @@ class Surfels(Shape):
             raise InputError(f"solid must be True, False or None; got {solid!r}")
         self._solid = None if solid is None else bool(solid)
         self._provenance = MappingProxyType(dict(provenance or {}))
+        self._axes = None if axes is None else kept(_axes(axes, rows))
+        if not (clips is None or len(clips) == rows):
+            raise InputError(f"clips must have one row for each of the {rows} points; got {len(clips)}")
+        self._clips = clips if clips is None or everything else clips[keep]
+        self._judge = None if judge is None else _named_judge(judge)
         self._dropped = rows - len(self._points)
         self._lock = threading.RLock()
-        self._surface: CloudSurface | None = None
+        self._forget()
 
     @classmethod
     def _adopted(
@@ -160,6 +177,21 @@ class Surfels(Shape):
         return self._solid
 
     @property
+    def axes(self) -> Floats | None:
+        """Half axes of elliptical surfels, shape (n, 2, 3), or None."""
+        return self._axes
+
+    @property
+    def clips(self) -> Clips | None:
+        """The planes that cut surfels off, or None where nothing was cut."""
+        return self._clips
+
+    @property
+    def judge(self) -> str | None:
+        """Which judge tells the inside of this cloud in Boolean operations; None where that was not said."""
+        return self._judge
+
+    @property
     def provenance(self) -> Mapping[str, object]:
         """Where the cloud came from."""
         return self._provenance
@@ -183,8 +215,82 @@ class Surfels(Shape):
             if self._surface is None:
                 from surfel.shapes.cloud_surface import CloudSurface
 
-                self._surface = CloudSurface(self._points, self._normals)
+                if self._clips is None:
+                    self._surface = CloudSurface(self._points, self._normals)
+                else:
+                    self._surface = CloudSurface(self._points + self._clips.places, self._normals, self._clips)
             return self._surface
+
+    @property
+    def operand(self) -> Operand:
+        """The cloud as the judges of :mod:`surfel.inside` see it, computed once, on first use."""
+        with self._lock:
+            if self._operand is None:
+                from surfel.shapes.judged import operand_of
+
+                self._operand = operand_of(self)
+            return self._operand
+
+    @property
+    def classifier(self) -> Classifier:
+        """What tells the inside of the cloud, by its own judge; built once, on first use."""
+        return self._classifier(self._judge or "auto")
+
+    def _classifier(self, judge: str) -> Classifier:
+        with self._lock:
+            if judge not in self._classifiers:
+                from surfel.inside.classify import Classifier
+
+                self._classifiers[judge] = Classifier(self.operand, judge)
+            return self._classifiers[judge]
+
+    def cross(
+        self, lines: Lines, counter: str = "patches", *, radius_factor: float = 1.5, depth: int = 4,
+        cells: str = "line", cylinder: str = "even",
+    ) -> Crossings:  # fmt: skip
+        """Cross the cloud with lines.
+
+        Parameters
+        ----------
+        lines : Lines
+            The lines, infinite in both directions.
+        counter : {"patches", "lpsi", "single"}
+            What a hit is. "patches": a hit on the patches of the points, with a weight. "lpsi": a cluster of the points
+            in a cylinder round the line, placed at the mean of their projections (Liu et al. 2006, section 3); it
+            depends on the normals' signs. "single": the first cluster alone, as Schaufler and Jensen's ray tracer finds
+            it (2000).
+        radius_factor, depth, cells
+            Of the last two, as for :func:`surfel.measure` with ``method="qmca"``.
+        cylinder : {"even", "uneven"}
+            One radius for all points, or one for each cell of the octree.
+
+        Returns
+        -------
+        Crossings
+            Every hit, sorted along each line.
+
+        Raises
+        ------
+        InputError
+            If an argument cannot be used, or the cloud shows no surface to "lpsi" and "single".
+
+        Examples
+        --------
+        >>> import numpy as np, surfel
+        >>> rng = np.random.default_rng(0)
+        >>> p = rng.standard_normal((20000, 3))
+        >>> p /= np.linalg.norm(p, axis=1, keepdims=True)
+        >>> axis = surfel.Lines.of([[0, 0, 0]], [[0, 0, 1]], 1.0)
+        >>> surfel.Surfels(p, normals=p).cross(axis, "lpsi", radius_factor=3.0).t.round(2).tolist()
+        [-1.0, 1.0]
+        """
+        if as_choice(counter, "counter", ("patches", "lpsi", "single")) == "patches":
+            return super().cross(lines)
+        if not isinstance(lines, Lines):
+            raise InputError(f"lines must be a surfel.Lines (see Lines.of); got {type(lines).__name__}")
+        from surfel.shapes.lpsi import counter_of
+
+        return counter_of(self, radius_factor, depth, cells, cylinder).cross(lines, single=counter == "single")
 
     def transformed(self, matrix: ArrayLike) -> Surfels:
         """Return the cloud under an affine map.
@@ -204,7 +310,13 @@ class Surfels(Shape):
         linear = affine[:3, :3]
         normals = None if self._normals is None else self._normals @ np.linalg.inv(linear)
         radii = None if self._radii is None else self._radii * abs(np.linalg.det(linear)) ** (1.0 / 3.0)
-        return self._like(points=self._points @ linear.T + affine[:3, 3], normals=normals, radii=radii)
+        return self._like(
+            points=self._points @ linear.T + affine[:3, 3],
+            normals=normals,
+            radii=radii,
+            axes=None if self._axes is None else _axes_under(self._axes, linear),
+            clips=None if self._clips is None else self._clips.transformed(linear, self._normals),
+        )
 
     def cropped(self, shape: Shape) -> Surfels:
         """Return the part of the cloud whose points lie inside ``shape``."""
@@ -213,6 +325,22 @@ class Surfels(Shape):
     def with_solid(self, solid: bool | None) -> Surfels:
         """Return the same cloud, said to be a solid (True), a sheet (False), or undecided (None)."""
         return self._like(solid=solid)
+
+    def with_judge(self, judge: str | None) -> Surfels:
+        """Return the same cloud, its inside told by a judge in Boolean operations.
+
+        Parameters
+        ----------
+        judge : str or None
+            One of ``auto``, ``sheets``, ``nearest``, ``two-nearest``, ``two-cluster``, ``imls``, ``mls``, ``winding``,
+            ``indicator`` and ``brute``; None leaves it to the operation.
+
+        Raises
+        ------
+        InputError
+            If there is no judge of that name.
+        """
+        return self._like(judge=judge)
 
     def __getitem__(self, rows: Any) -> Surfels:
         """Return the chosen rows (a mask, a slice, or row numbers) with all that is known at them."""
@@ -225,6 +353,8 @@ class Surfels(Shape):
             radii=None if self._radii is None else self._radii[rows],
             colors=None if self._colors is None else self._colors[rows],
             attributes={name: value[rows] for name, value in self._attributes.items()},
+            axes=None if self._axes is None else self._axes[rows],
+            clips=None if self._clips is None else self._clips[rows],
         )
 
     def __add__(self, other: Surfels) -> Surfels:
@@ -249,6 +379,9 @@ class Surfels(Shape):
             joined(*_on_one_scale(self._colors, other.colors)),
             {k: v for k, v in both.items() if v is not None},
             self._solid if self._solid == other.solid else None,
+            axes=joined(self._axes, other.axes),
+            clips=None if self._clips is None and other.clips is None else _clips(self).joined(_clips(other)),
+            judge=self._judge if self._judge == other.judge else None,
         )
 
     def __len__(self) -> int:
@@ -259,9 +392,8 @@ class Surfels(Shape):
         return f"Surfels({len(self):,} points" + "".join(f", {name}" for name in [*known, *self._attributes]) + ")"
 
     def __getstate__(self) -> dict[str, Any]:
-        state = self.__dict__.copy()
-        del state["_lock"]
-        state["_surface"] = None
+        derived = ("_lock", "_surface", "_operand", "_classifiers")
+        state = {name: value for name, value in self.__dict__.items() if name not in derived}
         for name in ("_attributes", "_provenance"):
             state[name] = dict(state[name])
         return state
@@ -270,15 +402,33 @@ class Surfels(Shape):
         self.__dict__.update(state)
         for name in ("_attributes", "_provenance"):
             setattr(self, name, MappingProxyType(state[name]))
-        for array in (self._points, self._normals, self._radii, self._colors, *self._attributes.values()):
+        for array in (self._points, self._normals, self._radii, self._colors, self._axes, *self._attributes.values()):
             if array is not None:
                 read_only(array)
         self._lock = threading.RLock()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Start with nothing derived."""
+        self._surface: CloudSurface | None = None
+        self._operand: Operand | None = None
+        self._classifiers: dict[str, Classifier] = {}
 
     def _like(self, **changes: Any) -> Surfels:
         same = {
             name: getattr(self, f"_{name}")
-            for name in ("points", "normals", "radii", "colors", "attributes", "solid", "provenance")
+            for name in (
+                "points",
+                "normals",
+                "radii",
+                "colors",
+                "attributes",
+                "solid",
+                "provenance",
+                "axes",
+                "clips",
+                "judge",
+            )
         }
         return Surfels(**{**same, **changes})
 
@@ -287,7 +437,22 @@ class Surfels(Shape):
         return patches.points[patches.areas != 0.0], 2.0 * self.surface.spacing
 
     def _is_sheet(self) -> bool:
-        return not self._solid if self._solid is not None else len(self) > 0 and self.surface.leak >= CLOSED_BELOW
+        return not self._solid if self._solid is not None else len(self) > 0 and self._is_open()
+
+    def _is_open(self) -> bool:
+        from surfel.shapes.cloud_inside import is_open
+
+        return is_open(self)
+
+    @property
+    def _inside(self) -> Classifier:
+        """What tells the inside of the cloud as lines see it: cleaned, and the signs of its normals made sure of."""
+        with self._lock:
+            if "cleaned" not in self._classifiers:
+                from surfel.shapes.cloud_inside import classifier_of
+
+                self._classifiers["cleaned"] = classifier_of(self)
+            return self._classifiers["cleaned"]
 
     def _cross(self, lines: Lines) -> Crossings:
         return self.surface.cross(lines)
@@ -304,12 +469,12 @@ class Surfels(Shape):
         """Answer for a solid: one that was said to be one, or whose leak share tells so."""
         if self._solid is False:
             raise InputError("a cloud that was said to be a sheet (solid=False) has no inside; leave that out")
-        if self._solid is None and len(points) and self.surface.leak >= CLOSED_BELOW:
+        if self._solid is None and len(points) and self._is_open():
             raise InputError(
                 f"the cloud is open: {self.surface.leak:.1%} of the lines that hit pass an odd number of sheets, so it "
                 "has no inside; if it bounds a solid all the same, say so (with_solid(True))"
             )
-        return self.surface.contains(points)
+        return self._inside.classify(points).inside
 
 
 def _unit(normals: Floats) -> Floats:
@@ -355,6 +520,35 @@ def _radii(value: ArrayLike, rows: int) -> Floats:
     if not (np.isfinite(radii).all() and (radii >= 0.0).all()):
         raise InputError("radii must be finite and not negative")
     return radii
+
+
+def _axes(value: ArrayLike, rows: int) -> Floats:
+    axes = np.asarray(value, np.float64)
+    if axes.shape != (rows, 2, 3) or not np.isfinite(axes).all():
+        raise InputError(f"axes must be finite, of shape ({rows}, 2, 3); got shape {axes.shape}")
+    return axes
+
+
+def _axes_under(axes: Floats, linear: Floats) -> Floats:
+    """Return the half axes of the images of ellipses under a linear map."""
+    along, lengths, _ = np.linalg.svd(np.swapaxes(axes @ linear.T, 1, 2), full_matrices=False)
+    return np.asarray(np.swapaxes(along * lengths[:, None, :], 1, 2))
+
+
+def _named_judge(name: str) -> str:
+    from surfel.inside.classify import SHEETS
+    from surfel.inside.judges import NAMES
+
+    return as_choice(name, "judge", ("auto", SHEETS, *NAMES))
+
+
+def _clips(cloud: Surfels) -> Clips:
+    """Return the clips of a cloud; of one that was not cut, none for each surfel, and its whole patches."""
+    from surfel.shapes.clips import Clips
+
+    if cloud.clips is not None:
+        return cloud.clips
+    return Clips(np.zeros(len(cloud) + 1, np.int64), np.empty((0, 4)), areas=lambda: cloud.surface.patches.areas)
 
 
 def _of_rows(value: ArrayLike, name: str, rows: int) -> NDArray[Any]:

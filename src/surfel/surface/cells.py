@@ -27,6 +27,10 @@ where they lie in good order: a gap that is common among random points is a hole
 SHIFT_NEAR, SHIFT_FAR = 0.02, 0.12
 """How far, in spacings, an open point is moved inward when it is asked whether the others cover its place."""
 
+LOOSE, STRICT = 2.0, 0.25
+"""How far, in its distance, a neighbour may lie off the arc of a circle that its normal and the point's own describe:
+anything, or so little that it cannot be on another sheet."""
+
 FACET = 4
 """The bit of ``uncovered`` that tells that a point and its nearest neighbour lie exactly in both planes."""
 
@@ -88,6 +92,7 @@ def clip_cells(
     proof: int,
     *,
     final: bool,
+    twist: float = LOOSE,
 ) -> None:
     """Clip the cells of the chosen points and write them into ``cells``.
 
@@ -109,18 +114,21 @@ def clip_cells(
         Largest circumradius of a triangle of the surface, in spacings.
     proof : int
         How many points beyond an edge show that the surface goes on there: 1, or 2 where normals are less certain.
+    twist : float
+        How far, in its distance, a neighbour with like normals may lie off the arc through both: ``STRICT`` parts
+        sheets half a spacing apart, where normals can be trusted.
     final : bool
         Settle what these neighbours can tell, though farther ones might change an insecure cell.
     """
     chunks = (len(chosen) + _CHUNK - 1) // _CHUNK
     flat = np.full(len(points), 2, np.uint8)
     with threads_for(16 * len(chosen)):
-        _clip_all(chunks, points, normals, near, spacing, chosen, neighbours, reach, proof, final, flat, *cells)
+        _clip_all(chunks, points, normals, near, spacing, chosen, neighbours, reach, proof, final, twist, flat, *cells)
 
 
 @rows
 def _clip_all(
-    begin, end, points, normals, near, spacing, chosen, neighbours, reach, proof, final, flat,
+    begin, end, points, normals, near, spacing, chosen, neighbours, reach, proof, final, twist, flat,
     area, closed, uncovered, rough, curved, secure, star, joined,
 ):  # fmt: skip
     m, k = neighbours.shape
@@ -161,6 +169,10 @@ def _clip_all(
             if steep * steep > 0.36 * square:
                 limit = 0.6 + 1.2 * math.sqrt(max(0.0, 1.0 - cosine * cosine))
                 if steep * steep > limit * limit * square:
+                    continue
+            if twist < 1.0 and abs(cosine) >= 0.8:
+                off = own + other if cosine > 0.0 else own - other
+                if off * off > twist * twist * square:
                     continue
             verdict = 1
             if abs(cosine) < 0.8:

@@ -163,8 +163,8 @@ def _quadric_residuals(first, last, points, chosen, neighbours, small, residual)
         last = neighbours[row, small - 1]
         dx, dy, dz = points[last, 0] - points[i, 0], points[last, 1] - points[i, 1], points[last, 2] - points[i, 2]
         h = math.sqrt((dx * dx + dy * dy + dz * dz) * math.pi / small) + 1e-300
-        residual[row, 0] = _quadric_residual(points, i, neighbours, row, small, f, matrix, right) / h
-        residual[row, 1] = _quadric_residual(points, i, neighbours, row, k, f, matrix, right) / h
+        residual[row, 0] = quadric_residual(points, i, neighbours, row, small, f, matrix, right) / h
+        residual[row, 1] = quadric_residual(points, i, neighbours, row, k, f, matrix, right) / h
         off = plane_of_neighbours(points, i, neighbours, row, np.int64(6))[3]
         last = neighbours[row, 5]
         dx, dy, dz = points[last, 0] - points[i, 0], points[last, 1] - points[i, 1], points[last, 2] - points[i, 2]
@@ -173,7 +173,7 @@ def _quadric_residuals(first, last, points, chosen, neighbours, small, residual)
 
 
 @inner
-def _quadric_residual(points, i, neighbours, row, k, f, matrix, right):
+def quadric_residual(points, i, neighbours, row, k, f, matrix, right):
     """Fit a height quadric over the plane of point i and its first k neighbours; return its unbiased residual."""
     nx, ny, nz, _, cx, cy, cz = plane_of_neighbours(points, i, neighbours, row, k)
     e = tangent_frame(nx, ny, nz)
@@ -211,7 +211,7 @@ def _kurtoses(first, last, points, chosen, neighbours, kurtosis):
     f, matrix, right = np.empty(6), np.empty((6, 6)), np.empty(6)
     for row in range(first, last):
         i = chosen[row]
-        _quadric_residual(points, i, neighbours, row, k, f, matrix, right)  # leaves its coefficients in ``right``
+        quadric_residual(points, i, neighbours, row, k, f, matrix, right)  # leaves its coefficients in ``right``
         nx, ny, nz, _, cx, cy, cz = plane_of_neighbours(points, i, neighbours, row, k)
         e = tangent_frame(nx, ny, nz)
         last_one = neighbours[row, k - 1]

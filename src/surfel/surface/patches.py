@@ -15,11 +15,15 @@ from numpy.typing import NDArray
 from surfel.core.cast import Floats
 from surfel.core.execute import blocks
 from surfel.surface.border import border_share, nearby_cells
-from surfel.surface.cells import FACET, Cells, clip_cells, reach_of
-from surfel.surface.denoise import denoise, matters
+from surfel.surface.cells import FACET, LOOSE, STRICT, Cells, clip_cells, reach_of
+from surfel.surface.denoise import LEAST_RANDOM, denoise, left_over, matters
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.noise import noise_level
 from surfel.surface.normals import fitted_normals
+from surfel.surface.steps import DENIED_BELOW, given_level, step_level
+
+SHARED = 1.4
+"""How much farther the points of one of two close sheets lie apart than the spacing, which counts those of both."""
 
 FAR = 64
 """Neighbours that cells are asked again with where the nearest do not settle them."""
@@ -27,6 +31,15 @@ FAR = 64
 FINE_RELIEF_GIVEN, FINE_RELIEF_FITTED = 0.75, 1.0
 """How much of the roughness that the normals show between points counts. Given normals show all of it, some of which
 the cells, unrolled over it, have already; normals fitted to the points are smoother (tuned on the bunny)."""
+
+FLATTENED, FLATTENED_BY_NOISE = 1.25, 3.0
+"""Relief that projection takes off, in units of the relief that it leaves: without noise, and more with each spacing
+of it. Noise that it leaves does ``LEFT_BY_NOISE`` times its roughness. (Fitted to the calibrating shapes.)"""
+
+LEFT_BY_NOISE = 1.08
+
+STEEP = 35.0
+"""What noise adds to the area of random points that are left where they are, in squares of its level."""
 
 _ROWS = 1 << 18  # wide neighbourhoods are looked up for so many points at a time, and never stored whole
 
@@ -55,6 +68,8 @@ class LocalPatches:
         Whether the border looks like that of randomly scattered points.
     projected : bool
         Whether noise was taken off.
+    sheets : bool
+        Whether the given normals told close sheets from noise.
     """
 
     hood: Neighbourhoods
@@ -66,6 +81,7 @@ class LocalPatches:
     noise: float
     random_border: bool
     projected: bool
+    sheets: bool = False
 
     @property
     def area(self) -> float:
@@ -74,7 +90,12 @@ class LocalPatches:
 
 
 def local_patches(
-    hood: Neighbourhoods, normals: Floats | None = None, noise: float | None = None, star: int = 0
+    hood: Neighbourhoods,
+    normals: Floats | None = None,
+    noise: float | None = None,
+    star: int = 0,
+    *,
+    sheets: bool = False,
 ) -> LocalPatches:
     """Estimate the patches of a cloud.
 
@@ -88,34 +109,66 @@ def local_patches(
         The noise level in spacings, where it is known already.
     star : int
         How many neighbours round each cell to keep, for the fans.
+    sheets : bool
+        Where the noise level is known: whether the normals told close sheets from noise.
 
     Returns
     -------
     LocalPatches
         In the order of its neighbourhoods.
     """
-    level = noise_level(hood.index) if noise is None else noise
+    level = noise
+    if level is None:
+        level, sheets = _level(hood, normals)
     if matters(level, hood.order):
         smooth, fitted = denoise(hood, level)
         return _patches_of(smooth, fitted, level, star, projected=True)
-    return _patches_of(hood, None if normals is None else normals[hood.rows], level, star, projected=False)
+    known = None if normals is None else normals[hood.rows]
+    return _patches_of(hood, known, level, star, projected=False, sheets=sheets)
+
+
+def _level(hood: Neighbourhoods, normals: Floats | None) -> tuple[float, bool]:
+    """Return the noise of the points, and whether what looks like noise is sheets that good normals tell apart."""
+    level = max(noise_level(hood.index), step_level(hood))
+    if normals is None or level < LEAST_RANDOM:
+        return level, False
+    given = given_level(hood, normals[hood.rows])
+    return (min(level, given), level > 3.0 * given) if given < DENIED_BELOW else (level, False)
 
 
 def _patches_of(
-    hood: Neighbourhoods, normals: Floats | None, noise: float, star: int, *, projected: bool
+    hood: Neighbourhoods,
+    normals: Floats | None,
+    noise: float,
+    star: int,
+    *,
+    projected: bool,
+    sheets: bool = False,
 ) -> LocalPatches:
     """Estimate the patches of points that are as clean as they will get."""
     relief = FINE_RELIEF_FITTED if normals is None else FINE_RELIEF_GIVEN
     normals = _completed(hood, normals)
-    cells = _settled_cells(hood, normals, star, 2 if projected else 1)
+    cells = _settled_cells(hood, normals, star, 2 if projected else 1, STRICT if sheets else LOOSE)
     border, random_border = _border(hood, cells)
     areas = cells.area * (1.0 + cells.curved)
     rough = areas * cells.rough
     if projected:
-        areas = areas - 0.8 * rough + border - _noisy_border(cells, hood.spacing, noise, random_border)
+        areas = areas + _flattened(areas, rough, noise) + border - _noisy_border(cells, hood.spacing, noise, random_border)
     else:
-        areas = areas + border + relief * _fine_relief(hood, cells) * rough
-    return LocalPatches(hood, normals, areas, cells, border, float(rough.sum()), noise, random_border, projected)
+        steep = STEEP * noise * noise * float(np.interp(hood.order, [0.55, 0.75], [1.0, 0.0]))
+        areas = areas * (1.0 - steep) + border + relief * _fine_relief(hood, cells) * rough
+    roughness = float(rough.sum())
+    return LocalPatches(hood, normals, areas, cells, border, roughness, noise, random_border, projected, sheets)
+
+
+def _flattened(areas: Floats, rough: Floats, noise: float) -> Floats:
+    """Return what projection took off the relief, less what the noise that it left has added.
+
+    The roughness that is left is partly noise, and how much is known from the level. The rest is relief, and where some
+    is left more has been flattened.
+    """
+    taken, noisy = FLATTENED + FLATTENED_BY_NOISE * noise, left_over(noise, len(areas)) * areas
+    return taken * (rough - noisy) - LEFT_BY_NOISE * noisy
 
 
 def _fine_relief(hood: Neighbourhoods, cells: Cells) -> float:
@@ -146,18 +199,19 @@ def _upright(normals: Floats) -> Floats:
     return np.ascontiguousarray(normals * np.where(down, -1.0, 1.0)[:, None])
 
 
-def _settled_cells(hood: Neighbourhoods, normals: Floats, star: int, proof: int) -> Cells:
+def _settled_cells(hood: Neighbourhoods, normals: Floats, star: int, proof: int, twist: float) -> Cells:
     """Clip every cell by its near neighbours, then those that farther ones might change by more of them."""
     n, k = hood.near.shape
-    reach = reach_of(hood.order)
+    reach = reach_of(hood.order) * (SHARED if twist == STRICT else 1.0)
     cells = Cells.empty(n, star)
     everyone = np.arange(n, dtype=np.int32)
     few = k == n - 1
-    clip_cells(cells, hood.points, normals, hood.near, hood.spacing, everyone, hood.near, reach, proof, final=few)
+    near, spacing = hood.near, hood.spacing
+    clip_cells(cells, hood.points, normals, near, spacing, everyone, near, reach, proof, final=few, twist=twist)
     if not few:
         for rows in _in_blocks(np.flatnonzero(cells.secure == 0).astype(np.int32)):
             wide = hood.index.knn(min(FAR, n - 1), rows)[1]
-            clip_cells(cells, hood.points, normals, hood.near, hood.spacing, rows, wide, reach, proof, final=True)
+            clip_cells(cells, hood.points, normals, near, spacing, rows, wide, reach, proof, final=True, twist=twist)
     return cells
 
 

@@ -130,6 +130,18 @@ def test_places_that_are_no_places_are_refused(name, ball):
         named(name)(ball, [[0.0, np.nan, 0.0]])
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_a_judge_takes_a_cloud_as_it_takes_its_operand(name, ball, places):
+    import surfel
+
+    cloud = surfel.Surfels(*_parts(sphere(2500, seed=1)))
+    few = places[:200]
+    assert np.array_equal(named(name)(cloud, few).value, named(name)(ball, few).value)
+    assert choose(cloud) == choose(ball)
+    with pytest.raises(InputError, match=r"a cloud must be a surfel\.Surfels or an Operand; got ndarray"):
+        named(name)(cloud.points, few)
+
+
 def test_parameters_out_of_range_are_refused(ball):
     for name in ("imls", "two-cluster"):
         with pytest.raises(InputError, match="k must be at least 1"):

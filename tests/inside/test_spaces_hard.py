@@ -1,0 +1,123 @@
+"""Clouds that would make a grid explode, leak or lie: strays, duplicates, lines, a few points, parts far apart."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from surfel.core.affine import translation
+from surfel.inside.classify import Classifier
+from surfel.inside.grid import MOST_BRICKS
+from surfel.inside.operand import Operand
+from surfel.inside.repair import FREE
+
+Floats = np.ndarray
+N = 12_000
+
+
+def sphere(n: int = N, seed: int = 0) -> Floats:
+    p = np.random.default_rng(seed).standard_normal((n, 3))
+    return p / np.linalg.norm(p, axis=1, keepdims=True)
+
+
+def places(n: int = 20_000) -> Floats:
+    return np.random.default_rng(9).uniform(-1.4, 1.4, (n, 3))
+
+
+def wrong(classifier: Classifier, q: Floats, middle: Floats | float = 0.0) -> float:
+    return float((classifier.classify(q + middle).inside != (np.linalg.norm(q, axis=1) < 1.0)).mean())
+
+
+@pytest.mark.parametrize("away", [1e2, 1e4, 1e9, 1e15])
+def test_one_stray_spoils_nothing(away: float) -> None:
+    points = np.concatenate([sphere(), [[away, 0.2 * away, 0.3 * away]]])
+    classifier = Classifier(Operand.of(points, np.concatenate([sphere(), [[0.0, 0.0, 1.0]]])))
+    assert classifier._coloured is not None
+    assert classifier._coloured.grid.table.size <= MOST_BRICKS
+    assert not classifier.leaky
+    assert wrong(classifier, places()) <= 0.001
+
+
+@pytest.mark.parametrize("apart", [[1e4, 0.0, 0.0], [6e3, 6e3, 6e3]])
+def test_two_parts_far_apart_are_both_solid(apart: list[float]) -> None:
+    points = np.concatenate([sphere(), sphere() + apart])
+    classifier = Classifier(Operand.of(points, np.concatenate([sphere(), sphere()])))
+    assert not classifier.leaky
+    assert wrong(classifier, places(4000)) <= 0.002 and wrong(classifier, places(4000), np.array(apart)) <= 0.002
+
+
+@pytest.mark.parametrize("times", [2, 20])
+def test_surfels_given_several_times_count_once(times: int) -> None:
+    points = np.repeat(sphere(), times, axis=0)
+    cloud = Operand.of(points, points)
+    classifier = Classifier(cloud)
+    assert cloud.areas.sum() == pytest.approx(Operand.of(sphere(), sphere()).areas.sum(), rel=0.02)
+    assert not classifier.leaky and wrong(classifier, places()) <= 0.001
+
+
+def test_half_of_the_surfels_at_one_place() -> None:
+    points = np.concatenate([sphere(), np.tile(sphere()[:1], (N, 1))])
+    classifier = Classifier(Operand.of(points, points))
+    assert not classifier.leaky and wrong(classifier, places()) <= 0.001
+
+
+def test_density_of_one_to_ten_thousand() -> None:
+    points = sphere()
+    points[: N // 2] = 0.005 * points[: N // 2] + [0.0, 0.0, 1.0]
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    classifier = Classifier(Operand.of(points, points))
+    assert not classifier.leaky and wrong(classifier, places()) <= 0.002
+
+
+@pytest.mark.parametrize("shape", ["one place", "a line", "a slanting line", "a plane", "a volume", "no normals"])
+def test_what_bounds_nothing_is_answered(shape: str) -> None:
+    rng = np.random.default_rng(0)
+    points, normals = rng.random((N, 3)), sphere()
+    if shape == "one place":
+        points[:] = 0.3
+    elif shape == "a line":
+        points[:, 1:] = 0.0
+    elif shape == "a slanting line":
+        points[:] = points[:, :1] * [1.0, 2.0, 3.0]
+    elif shape == "a plane":
+        points[:, 2], normals[:] = 0.0, [0.0, 0.0, 1.0]
+    elif shape == "no normals":
+        normals[:] = 0.0
+    classifier = Classifier(Operand.of(points, normals))
+    assert classifier._coloured is not None
+    assert len(classifier._coloured.grid.border) <= N + (N + FREE) // 64  # words are bounded by the surfels
+    assert not classifier.classify([[9.0, 9.0, 9.0], [-1e9, 0.0, 0.0]]).inside.any()
+    assert len(classifier.classify(Operand.of(sphere(), sphere()), pose=translation([0.1, 0.0, 0.0])).kind) == N
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5])
+def test_a_few_surfels_make_no_solid_far_away(count: int) -> None:
+    classifier = Classifier(Operand.of(sphere()[:count], sphere()[:count]))
+    assert not classifier.classify(1e3 * sphere(50, 4)).inside.any()
+
+
+def test_scale_and_offset_do_not_matter() -> None:
+    q = places()
+    for scale, offset in ((1e-90, 0.0), (1e90, 0.0), (1.0, 1e8)):
+        classifier = Classifier(Operand.of(scale * sphere() + offset, sphere()))
+        found = classifier.classify(scale * q + offset).inside
+        assert (found != (np.linalg.norm(q, axis=1) < 1.0)).mean() <= 0.001
+
+
+def test_a_small_flipped_patch_of_a_large_cloud_is_found() -> None:
+    points = sphere(60_000)
+    normals = points.copy()
+    patch = np.linalg.norm(points - points[7], axis=1) < 0.12  # about 200 surfels, 25 of those who vote first
+    normals[patch] *= -1.0
+    classifier = Classifier(Operand.of(points, normals))
+    assert (classifier.flipped == patch[classifier.operand.order]).all()
+
+
+def test_a_hole_is_repaired_and_reported() -> None:
+    points = sphere(30_000)
+    points = points[np.linalg.norm(points - [0.0, 0.0, 1.0], axis=1) > 0.3]
+    classifier = Classifier(Operand.of(points, points))
+    q = 0.8 * places(20_000)
+    below = q[:, 2] < 0.85
+    assert classifier.leaky and classifier.conflict > 0.2
+    assert (classifier.classify(q).inside != (np.linalg.norm(q, axis=1) < 1.0))[below].mean() <= 0.002
