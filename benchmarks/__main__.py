@@ -1,4 +1,4 @@
-"""``python -m benchmarks accuracy|coverage|speed|peers|papers|judges|files|fuzz``: what is reached, beside aims."""
+"""``python -m benchmarks accuracy|coverage|speed|peers|papers|judges|spaces|files|fuzz``: figures beside aims."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    commands = parser.add_subparsers(required=True, metavar="accuracy|coverage|speed|peers|papers|judges|files|fuzz")
+    names = "accuracy|coverage|speed|peers|papers|judges|spaces|files|fuzz"
+    commands = parser.add_subparsers(required=True, metavar=names)
     _add_accuracy(commands.add_parser("accuracy", help="errors and intervals of areas, volumes and centroids"))
     _add_coverage(commands.add_parser("coverage", help="how often intervals hold the truth"))
     _add_speed(commands.add_parser("speed", help="times, memory and threads"))
@@ -25,6 +26,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_judges(
         commands.add_parser("judges", help="inside or outside of clouds: wrong answers and times of each judge")
     )
+    _add_spaces(commands.add_parser("spaces", help="the coloured grid beside octrees: wrong answers and times"))
     _add_files(commands.add_parser("files", help="reading and writing beside other libraries"))
     _add_fuzz(commands.add_parser("fuzz", help="damaged files through every reader"))
     return parser
@@ -80,15 +82,23 @@ def _accuracy(chosen: argparse.Namespace) -> int:
 
 def _add_coverage(parser: argparse.ArgumentParser) -> None:
     _common(parser)
-    parser.add_argument("what", choices=("trees",), help="of what")
+    parser.add_argument("what", choices=("trees", "clouds"), help="of what")
+    parser.add_argument(
+        "--family", default="fresh", choices=("fresh", "calibrating"),
+        help="of clouds: shapes that judge the interval (default), or those that it was fitted to",
+    )  # fmt: skip
     parser.set_defaults(run=_coverage)
 
 
 def _coverage(chosen: argparse.Namespace) -> int:
-    from benchmarks import coverage_trees
+    from benchmarks import coverage_clouds, coverage_trees
     from benchmarks.tables import publish
 
-    publish(coverage_trees.run(chosen.quick), chosen.out)
+    if chosen.what == "clouds":
+        found = coverage_clouds.run(chosen.quick, chosen.family)
+        publish(coverage_clouds.report(found, chosen.family), chosen.out)
+    else:
+        publish(coverage_trees.run(chosen.quick), chosen.out)
     return 0
 
 
@@ -116,7 +126,7 @@ def _speed(chosen: argparse.Namespace) -> int:
 
 def _add_peers(parser: argparse.ArgumentParser) -> None:
     _common(parser)
-    parser.add_argument("what", choices=("area", "bound", "csg"), help="what is compared")
+    parser.add_argument("what", choices=("area", "bound", "combine", "csg"), help="what is compared")
     parser.add_argument(
         "--only", default="", metavar="CASES", help="cases by parts of their labels, separated by semicolons"
     )
@@ -130,6 +140,8 @@ def _peers(chosen: argparse.Namespace) -> int:
         return _peers_bound(chosen)
     if chosen.what == "csg":
         return _peers_csg(chosen)
+    if chosen.what == "combine":
+        return _peers_combine(chosen)
     from benchmarks import peers
     from benchmarks.tables import publish
 
@@ -154,6 +166,14 @@ def _peers_csg(chosen: argparse.Namespace) -> int:
     return 0
 
 
+def _peers_combine(chosen: argparse.Namespace) -> int:
+    from benchmarks import peers_combine
+    from benchmarks.tables import publish
+
+    publish(peers_combine.report(*peers_combine.run(chosen.quick)), chosen.out)
+    return 0
+
+
 def _peers_bound(chosen: argparse.Namespace) -> int:
     from benchmarks import peers_bound
     from benchmarks.tables import publish
@@ -169,14 +189,15 @@ def _peers_bound(chosen: argparse.Namespace) -> int:
 
 def _add_papers(parser: argparse.ArgumentParser) -> None:
     _common(parser)
-    parser.add_argument("paper", choices=("li2003", "myles2005"), help="which paper's tables and figures")
+    papers = ("gaal2005", "li2003", "liu2006", "myles2005")
+    parser.add_argument("paper", choices=papers, help="which paper's tables and figures")
     parser.add_argument("--only", default="", metavar="PARTS", help="parts by name, separated by commas")
     parser.set_defaults(run=_papers)
 
 
 def _papers(chosen: argparse.Namespace) -> int:
-    if chosen.paper == "li2003":
-        return _papers_li2003(chosen)
+    if chosen.paper in ("gaal2005", "li2003", "liu2006"):
+        return _papers_whole(chosen)
     from benchmarks import myles2005
     from benchmarks.tables import publish
 
@@ -189,15 +210,16 @@ def _papers(chosen: argparse.Namespace) -> int:
     return 0
 
 
-def _papers_li2003(chosen: argparse.Namespace) -> int:
+def _papers_whole(chosen: argparse.Namespace) -> int:
+    """Run all parts of a paper at once."""
     import tempfile
+    from importlib import import_module
 
-    from benchmarks import li2003
     from benchmarks.tables import publish
 
     folder = f"{tempfile.gettempdir()}/surfel-quick" if chosen.quick else "benchmarks/results"
-    out = chosen.out or f"{folder}/li2003.md"  # pictures go beside it
-    publish(li2003.run(out, chosen.quick), out)
+    out = chosen.out or f"{folder}/{chosen.paper}.md"  # pictures go beside it
+    publish(import_module(f"benchmarks.{chosen.paper}").run(out, chosen.quick), out)
     return 0
 
 
@@ -211,6 +233,19 @@ def _judges(chosen: argparse.Namespace) -> int:
     from benchmarks.tables import publish
 
     publish(judges.report(judges.run(chosen.quick), judges.timings(chosen.quick)), chosen.out)
+    return 0
+
+
+def _add_spaces(parser: argparse.ArgumentParser) -> None:
+    _common(parser)
+    parser.set_defaults(run=_spaces)
+
+
+def _spaces(chosen: argparse.Namespace) -> int:
+    from benchmarks import spaces
+    from benchmarks.tables import publish
+
+    publish(spaces.report(spaces.run(chosen.quick), chosen.quick), chosen.out)
     return 0
 
 

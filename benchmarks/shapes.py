@@ -158,6 +158,8 @@ MESHES = {
     "igea": "igea.ply",
     "88566": "88566.stl",
     "520644": "520644.stl",
+    "lion": "lion.off",
+    "teapot": "teapot.obj",
 }
 
 TUNING = (

@@ -14,7 +14,7 @@ CLOUD = surfel.Surfels(truth.sphere(400, 1).points)
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"method": "mesh"}, "method must be one of patches, lines; got 'mesh'"),
+        ({"method": "mesh"}, "method must be one of patches, lines, qmca; got 'mesh'"),
         ({"lines": 15}, "lines must be between 16"),
         ({"lines": 1e5}, "lines must be a whole number"),
         ({"lines": "many"}, "lines must be a whole number"),

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 METHODS = ("patches", "lines", "qmca")
 MODELS = ("chord", "tangent", "offset")
+CELLS = ("line", "cylinder")
+DENSITIES = ("even", "uneven", "resampled")
 SEQUENCES = ("niederreiter", "r4", "sobol", "halton", "random")
 
 
@@ -33,6 +35,17 @@ def measure(
     ] = None,
     model: Annotated[str, typer.Option(metavar="|".join(MODELS), help="How lines are drawn.")] = "tangent",
     sequence: Annotated[str, typer.Option(metavar="|".join(SEQUENCES), help="The point sequence.")] = "niederreiter",
+    radius_factor: Annotated[
+        float, typer.Option(metavar="L", help="Of qmca: radius of the cylinder over the size of a gap.")
+    ] = 1.5,
+    depth: Annotated[int, typer.Option(metavar="D", help="Of qmca: depth of the octree.")] = 4,
+    cells: Annotated[
+        str, typer.Option(metavar="|".join(CELLS), help="Of qmca: which cells' points are looked at.")
+    ] = "line",
+    density: Annotated[
+        str, typer.Option(metavar="|".join(DENSITIES), help="Of qmca: what is done about uneven sampling.")
+    ] = "even",
+    denoise: Annotated[int, typer.Option(metavar="N", help="Of qmca: passes of the bilateral filter.")] = 0,
     solid: Annotated[
         bool | None,
         typer.Option("--solid/--sheet", help="The cloud bounds a solid, or is a sheet; by default its leaks decide."),
@@ -48,7 +61,7 @@ def measure(
 
     form = as_form(as_)
     seed = as_seed(seed)
-    _check_choices(method, model, sequence)
+    _check_choices(method, model, sequence, cells, density)
     if plot is not None:
         from surfel.cli.plot import require_matplotlib
 
@@ -67,6 +80,11 @@ def measure(
                 seed=seed,
                 model=model,
                 sequence=sequence,
+                radius_factor=radius_factor,
+                depth=depth,
+                cells=cells,
+                density=density,
+                denoise=denoise,
                 progress=progress,
             )
         if plot is not None:
@@ -83,17 +101,16 @@ def _table(result: Measurement, file: str, units: str) -> RenderableType:
     return measurement_table(result, file, units)
 
 
-def _check_choices(method: str | None, model: str, sequence: str) -> None:
+def _check_choices(method: str | None, model: str, sequence: str, cells: str, density: str) -> None:
     """Refuse an unknown name before a large file is read."""
     from surfel.core.cast import as_choice
-    from surfel.core.errors import InputError
 
     if method is not None:
         as_choice(method, "--method", METHODS)
-    if method == "qmca":
-        raise InputError("--method qmca is not in this version; use --method patches or --method lines")
     as_choice(model, "--model", MODELS)
     as_choice(sequence, "--sequence", SEQUENCES)
+    as_choice(cells, "--cells", CELLS)
+    as_choice(density, "--density", DENSITIES)
 
 
 def _with_solid(shape: Shape, solid: bool | None) -> Shape:

@@ -22,13 +22,14 @@ from surfel.measuring.by_lines import SHIFTS, LineResult, ShiftedLines, measure_
 from surfel.measuring.cloud import measure_cloud
 from surfel.measuring.exact import measure_mesh
 from surfel.measuring.measurement import Measurement
+from surfel.measuring.qmca import Qmca, measure_qmca, refuse_other
 from surfel.measuring.solid import Work, measure_solid
 from surfel.shapes.base import Shape
 from surfel.shapes.mesh import Mesh
 from surfel.shapes.surfels import Surfels
 from surfel.shapes.tree import Tree
 
-METHODS = ("patches", "lines")
+METHODS = ("patches", "lines", "qmca")
 _WORTH_A_SEARCH = 1 << 17
 """Looking for a tilted box or a cylinder takes as long as some ten thousand lines."""
 
@@ -45,6 +46,11 @@ def measure(
     model: str = "tangent",
     sequence: Any = "niederreiter",
     reference: str = "auto",
+    radius_factor: float = 1.5,
+    depth: int = 4,
+    cells: str = "line",
+    density: str = "even",
+    denoise: int = 0,
     progress: Progress | None = None,
 ) -> Measurement:
     """Measure a shape.
@@ -54,11 +60,12 @@ def measure(
     shape : Shape
         A cloud, a mesh, an exact primitive, or any Boolean tree of these; or what has a ``sheet()``, as a safe spline
         does.
-    method : {"patches", "lines"}, optional
+    method : {"patches", "lines", "qmca"}, optional
         How the area is found. By patches: the weighted sum of a cloud's cells, the triangles of a mesh, and of a tree
         those elements of its leaves' surfaces that it keeps. By lines: by counting crossings (Cauchy and Crofton).
         Patches are the default, but for trees with a leaf that is known by its equation alone (a quadric, a
-        polynomial). Volume and moments come from lines in either case; only those of a mesh are summed exactly.
+        polynomial). Volume and moments come from lines in either case; only those of a mesh are summed exactly. "qmca"
+        is the method of Liu et al. (2006) for clouds, as published: an area without an error bar, to compare with.
     lines : int
         How many lines to cast, and as many elements for the area of a tree; they are shared out to 16 random shifts,
         which tell the error.
@@ -74,6 +81,17 @@ def measure(
     reference : {"auto", "ball", "box", "cylinder"}
         The convex body that lines are cast through; by default that with the smallest surface, so that the fewest
         lines miss. Models other than "tangent" belong to the ball.
+    radius_factor : float
+        Of "qmca" alone, as all that follow: lambda, the radius of the cylinder round a line over the size of a gap in
+        the samples (the largest radius of the surfels, or the mean distance to the nearest neighbour).
+    depth : int
+        Of the octree, 1 to 10.
+    cells : {"line", "cylinder"}
+        Whether points are looked for in the cells that a line meets, as printed, or that its cylinder meets.
+    density : {"even", "uneven", "resampled"}
+        One radius for all points, one for each cell, or points inserted where there are few.
+    denoise : int
+        Passes of the bilateral filter; a warning says how far it moved the points.
     progress : callable, optional
         Called with the share done and what is being done.
 
@@ -113,6 +131,10 @@ def measure(
     if reference in ("box", "cylinder") and model != "tangent":
         raise InputError(f"model {model!r} belongs to the ball; take reference='ball', or model='tangent'")
 
+    options = Qmca(radius_factor, depth, cells, density, denoise).checked()
+    if method == "qmca":
+        refuse_other(reference, goal)
+
     def count_lines() -> LineResult:
         source = ShiftedLines.of(_body(shape, model, reference, count), model, sequence, number)
         return measure_by_lines(shape, source, count, tolerance=goal, goal="area", progress=progress)
@@ -123,10 +145,14 @@ def measure(
         return measure_by_lines(shape, source, count, tolerance=goal, goal="volume", progress=progress)
 
     _refuse_degrees(shape)
+    if method == "qmca" and isinstance(shape, Shape) and not isinstance(shape, Surfels):
+        raise InputError(f"method 'qmca' measures clouds, and this is a {type(shape).__name__}; leave the method out")
     if isinstance(shape, Mesh):
         result = measure_mesh(
             shape, (count_lines(), weigh_inside()) if method == "lines" and len(shape.triangles) else None
         )
+    elif isinstance(shape, Surfels) and method == "qmca":
+        result = measure_qmca(shape, options, count, number, model, sequence, progress)
     elif isinstance(shape, Surfels):
         result = measure_cloud(shape, method or "patches", count_lines, weigh_inside)
     elif isinstance(shape, Shape):
