@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 from scipy.interpolate import NdBSpline
 
+from surfel._numba import threads_for
 from surfel.bounding.certify import check, slack_of, violations
 from surfel.bounding.corners import corners_of, over_corners
+from surfel.bounding.energy import energy
 from surfel.bounding.evaluate import derivatives, values
 from surfel.bounding.frame import frame_over, rotation_onto
 from surfel.bounding.gather import gather
-from surfel.bounding.normal import PAD, energy, factorize, normal_equations, solve, unknowns_of
+from surfel.bounding.normal import PAD, factorize, normal_equations, solve, unknowns_of
 from surfel.bounding.occupancy import WHOLE, trimmed_values
-from surfel.bounding.passes import keep_highest, keep_residuals, no_points, no_residuals, survey
+from surfel.bounding.passes import keep_highest, no_points, survey
+from surfel.bounding.residuals import keep_residuals, no_residuals
 from surfel.bounding.source import Source
 
 RNG = np.random.default_rng(21)
@@ -61,7 +64,7 @@ def test_the_quarter_decides_on_the_trim():
     assert np.isnan(trimmed_values(c, trim, uv)).tolist() == [False] * 4 + [True]
 
 
-@pytest.mark.parametrize("count", [1, 255, 256, 257, 3000])
+@pytest.mark.parametrize("count", [1, 7, 8, 119, 120, 121, 3000, 100_003])
 def test_blocks_of_points_give_the_very_values_of_the_kernel(count):
     points = RNG.standard_normal((count, 3)) * [1.0, 5.0, 2.0]
     frame = laid(points)
@@ -171,3 +174,24 @@ def test_rotations_are_proper_and_their_third_row_is_the_direction(direction):
     rotation = rotation_onto(unit)
     assert (rotation[2] == unit).all()
     assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-15) and np.linalg.det(rotation) > 0.0
+
+
+def test_passes_add_up_over_chunks_and_give_the_same_bits_on_any_number_of_threads():
+    points = RNG.standard_normal((220_000, 3))
+    frame, c = laid(points), RNG.standard_normal((9, 8))
+    uv, heights = frame.to_domain(points)
+    results = []
+    for threads in (1, 2):
+        seen = no_residuals(frame, 4)
+        with threads_for(len(points), threads):
+            for chunk in (points[:120_000], points[120_000:120_050], points[120_050:]):
+                keep_residuals(seen, chunk, frame, c, 1.0)
+            looked = check(frame, c, points, 1.0)
+        results.append((seen, looked))
+    (one, first), (two, second) = results
+    assert one.points == len(points) and one.total[0] == pytest.approx(heights.sum(), abs=1e-8)
+    assert one.mean_value(c) == pytest.approx(values(c, uv).mean(), abs=1e-10)
+    assert one.largest.max() == (heights - values(c, uv)).max() == first.worst.max()
+    for name in ("largest", "smallest", "uv", "height", "count", "occupancy", "moments", "total"):
+        assert (getattr(one, name) == getattr(two, name)).all(), name
+    assert (first.total, first.largest) == (second.total, second.largest)

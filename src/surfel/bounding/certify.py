@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfel._numba import kernel
+from surfel._numba import kernel, rows, threads_for
 from surfel.bounding.blocks import (
-    CELL_U,
-    CELL_V,
+    HALVED,
     HEIGHT,
     ROWS,
     VALUE,
     evaluate_block,
+    number_block,
     place_block,
     weigh_block,
 )
@@ -67,10 +67,12 @@ class Check:
 
 def check(frame: Frame, coefficients: Floats, points: Floats, sign: float) -> Check:
     """Compare all points, each of which lies in the domain, with a surface above them."""
-    worst = np.full((int(frame.cells[0]), int(frame.cells[1])), -np.inf)
-    sums = np.array([0.0, -np.inf])
-    _check(points, frame.numbers(), coefficients, sign, worst, sums)
-    return Check(worst, float(sums[0]), float(sums[1]), len(points))
+    parts = 2 if len(points) >= HALVED else 1
+    worst = np.full((parts, int(frame.cells[0]), int(frame.cells[1])), -np.inf)
+    sums = np.array([[0.0, -np.inf]] * parts)
+    with threads_for(len(points)):
+        _check(parts, points, frame.numbers(), coefficients, sign, worst, sums)
+    return Check(worst.max(axis=0), float(sums[:, 0].sum()), float(sums[:, 1].max()), len(points))
 
 
 def raised(coefficients: Floats, by_cell: Floats, clamped: bool = False) -> Floats:
@@ -125,26 +127,30 @@ def _around(values: Floats) -> Floats:
     return out
 
 
-@kernel
-def _check(p, f, b, sign, worst, sums):
-    w, columns = np.empty(ROWS * BLOCK), np.empty(4 * BLOCK)
-    total, largest = 0.0, -np.inf
-    for first in range(0, p.shape[0], BLOCK):
-        q = p[first : first + BLOCK]
-        here = q.shape[0]
-        place_block(q, f, sign, w)
-        weigh_block(here, w)
-        evaluate_block(here, b, w, columns)
-        part = 0.0
-        for i in range(here):
-            gap = w[VALUE * BLOCK + i] - w[HEIGHT * BLOCK + i]
-            part += gap
-            largest = max(largest, gap)
-            h, k = np.int64(w[CELL_U * BLOCK + i]), np.int64(w[CELL_V * BLOCK + i])
-            if -gap > worst[h, k]:
-                worst[h, k] = -gap
-        total += part
-    sums[0], sums[1] = total, largest
+@rows
+def _check(begin, end, p, f, b, sign, worst, sums):
+    w, place = np.empty(ROWS * BLOCK), np.empty(3 * BLOCK, np.int32)
+    flat, coefficients, width = p.ravel(), b.ravel(), b.shape[1]
+    for part in range(begin, end):
+        by_cell = worst[part].ravel()
+        total, largest = 0.0, -np.inf
+        last = p.shape[0] * (part + 1) // len(sums)
+        for first in range(p.shape[0] * part // len(sums), last, BLOCK):
+            here = min(BLOCK, last - first)
+            place_block(flat, first, here, f, sign, w)
+            weigh_block(here, w)
+            number_block(here, width, 1, w, place)
+            evaluate_block(here, coefficients, width, place, w)
+            sum_here = 0.0
+            for i in range(here):
+                gap = w[VALUE * BLOCK + i] - w[HEIGHT * BLOCK + i]
+                sum_here += gap
+                largest = max(largest, gap)
+                cell = np.int64(place[BLOCK + i])
+                if -gap > by_cell[cell]:
+                    by_cell[cell] = -gap
+            total += sum_here
+        sums[part, 0], sums[part, 1] = total, largest
 
 
 @kernel

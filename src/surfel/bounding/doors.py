@@ -18,8 +18,8 @@ from surfel.bounding.frame import rotation_onto
 from surfel.bounding.job import Job, Outcome, beside, prepare
 from surfel.bounding.memory import Memory
 from surfel.bounding.paper import fit_paper
-from surfel.bounding.passes import Residuals, keep_residuals, no_residuals
 from surfel.bounding.report import FitReport
+from surfel.bounding.residuals import Residuals, keep_residuals, no_residuals
 from surfel.bounding.source import Source
 from surfel.bounding.spline import SafeSpline
 from surfel.bounding.tight import dual_bound, fit_tight

@@ -14,13 +14,15 @@ from surfel.bounding.bezier import bezier_nets
 from surfel.bounding.certify import EPS, LEAST, raised, slack_of, slackened, tied
 from surfel.bounding.corners import corners_of, over_corners
 from surfel.bounding.evaluate import cell_of, value_at, values
-from surfel.bounding.fast import BELOW, SMOOTHING
+from surfel.bounding.fast import upper_spline
 from surfel.bounding.frame import Frame
+from surfel.bounding.height_spline import HeightSpline
 from surfel.bounding.memory import Memory
 from surfel.bounding.normal import fill_row, unknowns_of
 from surfel.bounding.occupancy import HIGH, LEFT, LOW, RIGHT, WHOLE, Quarters
-from surfel.bounding.passes import keep_residuals, no_residuals, survey
-from surfel.bounding.reference import Scale, by_cells, least_squares
+from surfel.bounding.passes import survey
+from surfel.bounding.reference import Scale, by_cells
+from surfel.bounding.residuals import keep_residuals, no_residuals
 from surfel.bounding.source import chunks_of
 from surfel.bounding.spline import SafeSpline
 from surfel.bounding.trim import trimmed
@@ -110,9 +112,7 @@ def fitted_again(spline: SafeSpline) -> SafeSpline:
     uv, height = by_cells(memory.uv.copy(), np.where(memory.count > 0, sign * memory.height, -np.inf), memory.split)
     scale = Scale.of(float(height.min()), float(height.max()))
     z, unknowns = scale.inward(height), unknowns_of(spline.shape, spline.boundary)
-    first = least_squares(uv, z, unknowns, bending=SMOOTHING)
-    weight = np.where(z > values(first, uv), 1.0, BELOW)
-    reference = scale.outward(least_squares(uv, z, unknowns, weight, bending=SMOOTHING))
+    reference = scale.outward(upper_spline(uv, z, unknowns, spline.boundary))
     largest = memory.largest + _highest_by_micro_cell(sign * memory.reference - reference, memory.split)
     n, m = spline.occupancy.shape
     by_cell = largest.reshape(n, memory.split, m, memory.split).max(axis=(1, 3))
@@ -130,9 +130,9 @@ def fitted_again(spline: SafeSpline) -> SafeSpline:
     return _result(spline, sign * surface, spline.occupancy, memory, "refitted", limit, started)
 
 
-def heights_between(spline: SafeSpline, other: SafeSpline, places: ArrayLike | None) -> Floats:
+def heights_between(spline: HeightSpline, other: HeightSpline, places: ArrayLike | None) -> Floats:
     """Return the height of another surface less that of this one, at places or at the corners of the grid."""
-    if not isinstance(other, SafeSpline):
+    if not isinstance(other, HeightSpline):
         raise InputError(f"other must be a SafeSpline; got {type(other).__name__}")
     if np.abs(spline.frame.rotation - other.frame.rotation).max() > 1e-12:
         raise InputError("the two surfaces have different directions; fit both along the same one")

@@ -19,6 +19,7 @@ from surfel.core.cast import Floats
 from surfel.core.errors import InputError, MissingExtraError, SurfelError
 
 if TYPE_CHECKING:
+    from surfel.bounding.height_spline import HeightSpline
     from surfel.bounding.spline import SafeSpline
 
 _NAME = "safe spline"
@@ -27,7 +28,7 @@ _STEPS = 8  # corners of an outline's polyline to a cell
 _PAD = 64.0 * float(np.finfo(np.float64).eps)
 
 
-def to_scipy(spline: SafeSpline) -> Any:
+def to_scipy(spline: HeightSpline) -> Any:
     """Return the spline as :class:`scipy.interpolate.NdBSpline` over its domain, NaN outside."""
     from scipy.interpolate import NdBSpline
 

@@ -10,7 +10,9 @@ import numpy as np
 
 from surfel.bounding.evaluate import values
 from surfel.bounding.job import Job, Outcome
+from surfel.bounding.normal import Unknowns
 from surfel.bounding.reference import least_squares
+from surfel.core.cast import Floats
 
 SMOOTHING = 1e-9
 """Bending energy beside a mean square of one range."""
@@ -18,11 +20,22 @@ SMOOTHING = 1e-9
 BELOW = 0.05
 """Weight in the second least-squares fit of points that lie below the first: the reference leans on the upper ones."""
 
+WIDE = 80
+"""Systems of a broader band are solved by steps instead of factors."""
+
 
 def fit_fast(job: Job) -> Outcome:
     """Return the reference spline; the residuals of all points are bounded afterwards."""
     z = job.scale.inward(job.height)
-    first = least_squares(job.uv, z, job.unknowns, bending=SMOOTHING)
-    weight = np.where(z > values(first, job.uv), 1.0, BELOW)
-    second = least_squares(job.uv, z, job.unknowns, weight, bending=SMOOTHING)
-    return Outcome(job.scale.outward(second), 2)
+    return Outcome(job.scale.outward(upper_spline(job.uv, z, job.unknowns, job.boundary)), 2)
+
+
+def upper_spline(uv: Floats, z: Floats, unknowns: Unknowns, boundary: str) -> Floats:
+    """Return the coefficients of a smooth spline that leans on the upper ones of some points; z from -1 to 1."""
+    if unknowns.band > WIDE:
+        from surfel.bounding.iterated import upper_by_steps
+
+        return upper_by_steps(uv, z, unknowns, boundary, SMOOTHING, BELOW)
+    first = least_squares(uv, z, unknowns, bending=SMOOTHING)
+    weight = np.where(z > values(first, uv), 1.0, BELOW)
+    return least_squares(uv, z, unknowns, weight, bending=SMOOTHING)

@@ -16,10 +16,11 @@ from surfel.core.errors import InputError
 from surfel.core.lines import Lines
 
 if TYPE_CHECKING:
+    from surfel.bounding.height_spline import HeightSpline
     from surfel.bounding.spline import SafeSpline
 
 
-def derivatives_at(spline: SafeSpline, uv: Floats, trimmed: bool) -> Floats:
+def derivatives_at(spline: HeightSpline, uv: Floats, trimmed: bool) -> Floats:
     """Return F, F_u, F_v, F_uu, F_uv, F_vv, shape (k, 6); NaN outside."""
     found = derivatives(spline.coefficients, uv)
     if trimmed:
@@ -27,13 +28,13 @@ def derivatives_at(spline: SafeSpline, uv: Floats, trimmed: bool) -> Floats:
     return found
 
 
-def hessian_at(spline: SafeSpline, uv: Floats, trimmed: bool) -> Floats:
+def hessian_at(spline: HeightSpline, uv: Floats, trimmed: bool) -> Floats:
     """Return the second derivatives as matrices, shape (k, 2, 2)."""
     found = derivatives_at(spline, uv, trimmed)
     return np.ascontiguousarray(found[:, [3, 4, 4, 5]].reshape(-1, 2, 2))
 
 
-def normal_at(spline: SafeSpline, uv: Floats, trimmed: bool) -> Floats:
+def normal_at(spline: HeightSpline, uv: Floats, trimmed: bool) -> Floats:
     """Return unit normals of the surface in world coordinates, away from the points, shape (k, 3)."""
     slopes = derivatives_at(spline, uv, trimmed)[:, 1:3] * spline.frame.scale
     normals = spline.direction - slopes @ spline.frame.rotation[:2]
@@ -41,7 +42,7 @@ def normal_at(spline: SafeSpline, uv: Floats, trimmed: bool) -> Floats:
     return np.asarray(-normals if spline.side == "below" else normals)
 
 
-def bounds_of_cell(spline: SafeSpline, cell: Any) -> tuple[float, float]:
+def bounds_of_cell(spline: HeightSpline, cell: Any) -> tuple[float, float]:
     """Return two heights between which the surface lies over one cell."""
     try:
         h, k = (operator.index(number) for number in cell)
@@ -92,6 +93,6 @@ def as_rays(rays: Any) -> Lines:
     return Lines.of(np.atleast_2d(origins), np.atleast_2d(directions), 1.0)
 
 
-def mask_of(spline: SafeSpline, places: Floats) -> Booleans:
+def mask_of(spline: HeightSpline, places: Floats) -> Booleans:
     """Tell which places of the domain the trimmed surface answers for."""
     return np.asarray(~np.isnan(spline(places)))

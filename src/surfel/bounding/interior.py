@@ -8,15 +8,22 @@ at the start: what is left over of it shrinks with the steps.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from surfel._numba import kernel
-from surfel.bounding.lanes import add_scaled, row_add, row_times
+from surfel.bounding.lanes import row_add, row_times
 from surfel.bounding.normal import PAD, Unknowns, factorize, fill_row_of, scatter_cell, solve
+from surfel.bounding.runs import add_scaled, dot_run
 from surfel.core.cast import Floats, Integers
 
-MOST_STEPS = 60
+AROUND = 10.0
+"""How many mean gaps coefficients may still move: what the dual residual is charged with."""
+
+FLOOR = 0.1
+"""Least slack, in mean gaps, of a constraint that joins: the walk begins inside of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +51,20 @@ class Rows:
         fill_row_of(uv, len(unknowns.along_u) - 3, len(unknowns.along_v) - 3, cell, weight)
         return cls(cell, weight, unknowns)
 
+    @property
+    def place(self) -> Integers:
+        """One number for each row that sorts them by cell."""
+        return np.asarray(self.cell[:, 0] * len(self.unknowns.along_v) + self.cell[:, 1])
+
+    def chosen(self, which: NDArray[Any]) -> Rows:
+        """Return some of the rows, by a mask or by their numbers."""
+        return Rows(self.cell[which], self.weight[which], self.unknowns)
+
+    def with_more(self, other: Rows, order: Integers) -> Rows:
+        """Return these rows and others in a new order."""
+        cell, weight = np.concatenate([self.cell, other.cell]), np.concatenate([self.weight, other.weight])
+        return Rows(cell[order], weight[order], self.unknowns)
+
     def times(self, x: Floats) -> Floats:
         """Return ``A x``."""
         out = np.empty(len(self.cell))
@@ -63,27 +84,10 @@ class Rows:
         _add_normal(self.cell, self.weight, theta, u.along_u, u.along_v, u.step_u, u.step_v, band)
 
 
-@dataclass(frozen=True, eq=False)
-class Optimum:
-    """Where the method ended: coefficients x, slacks s, multipliers y, steps taken."""
+class Walk:
+    """Where the method stands: coefficients x, slacks s, multipliers y. Constraints may join on the way.
 
-    x: Floats
-    s: Floats
-    y: Floats
-    steps: int
-
-
-def minimize(
-    rows: Rows,
-    z: Floats,
-    cost: Floats,
-    level: float,
-    quadratic: Floats,
-    pull: Floats,
-    x: Floats,
-    tolerance: float,
-) -> Optimum:
-    """Minimize ``(cost - pull).x + x.Q x / 2`` subject to ``A x >= z``.
+    Minimizes ``(cost - pull).x + x.Q x / 2`` subject to ``A x >= z``.
 
     Parameters
     ----------
@@ -101,58 +105,94 @@ def minimize(
         What the quadratic part is centered on, times Q.
     x : Floats, shape (size,)
         Where to start.
-    tolerance : float
-        The method ends when the duality gap and what is left of infeasibility are below this share of the mean gap.
-
-    Returns
-    -------
-    Optimum
-        Nearly optimal; the constraints hold but for what is left of the infeasibility.
+    y : Floats, shape (k,)
+        Multipliers to start with: how much of the cloud each candidate stands for, which nearly balances the cost.
     """
-    x = x.copy()
-    over = rows.times(x) - z
-    s = np.maximum(over, max(0.1 * float(np.abs(over).mean()), 1e-12))
-    y = np.full(len(z), 1.0 / len(z))
-    for step in range(MOST_STEPS):
-        primal = rows.times(x) - s - z
-        dual = rows.transposed_times(y) + pull - cost - band_times(quadratic, x)
-        gap = float(s @ y)
-        goal = tolerance * max(float(cost @ x) - level, 1e-12)
-        if gap <= goal and float(np.abs(primal).max()) <= goal and float(np.abs(dual).sum()) <= 0.1 * goal:
-            return Optimum(x, s, y, step)
+
+    def __init__(
+        self, rows: Rows, z: Floats, cost: Floats, level: float, quadratic: Floats, pull: Floats, x: Floats, y: Floats
+    ) -> None:
+        self.rows, self.z, self.x = rows, z, x.copy()
+        self.cost, self.level, self.steps = cost, level, 0
+        self._quadratic, self._pull = quadratic, pull
+        self._first = self.gap
+        over = rows.times(x) - z
+        self.s = np.maximum(over, max(0.1 * float(np.abs(over).mean()), 1e-12))
+        self.y = np.maximum(y, 0.01 / len(z))
+
+    @property
+    def gap(self) -> float:
+        """The mean gap of x, in half ranges."""
+        return max(float(self.cost @ self.x) - self.level, 1e-12)
+
+    def left(self, box: float = 0.0) -> float:
+        """Return what may be left to gain, or to mend, as a share of the mean gap.
+
+        The dual residual is charged with how far coefficients may still move: some mean gaps, or all of a ``box``.
+        """
+        self._primal = self.rows.times(self.x) - self.s - self.z
+        pulled = self._pull - self.cost - band_times(self._quadratic, self.x)
+        self._dual = self.rows.transposed_times(self.y) + pulled
+        gained = max(float(self.s @ self.y), float(np.abs(self._primal).max())) / max(self.gap, 0.1 * self._first)
+        return max(gained, max(AROUND, box / self.gap) * float(np.abs(self._dual).sum()))
+
+    def step(self) -> bool:
+        """Take one step from where :meth:`left` looked; False where rounding forbids it."""
+        s, y, count = self.s, self.y, len(self.z)
         theta = y / s
-        band = quadratic.copy()
-        rows.add_normal(theta, band)
+        band = self._quadratic.copy()
+        self.rows.add_normal(theta, band)
         band[:, -1 - PAD] += 1e-14 + 1e-13 * band[:, -1 - PAD]
         if not (np.isfinite(theta).all() and factorize(band)):
-            break
-        mu = gap / len(z)
-        dx, ds, dy = _direction(rows, band, theta, s, y, primal, dual, s * y)
+            return False
+        mu = float(s @ y) / count
+        dx, ds, dy = self._direction(band, theta, y)
         reach_s, reach_y = _reach(s, ds), _reach(y, dy)
-        after = float((s + reach_s * ds) @ (y + reach_y * dy)) / len(z)
+        after = float((s + reach_s * ds) @ (y + reach_y * dy)) / count
         center = (after / mu) ** 3 * mu
-        dx, ds, dy = _direction(rows, band, theta, s, y, primal, dual, s * y + ds * dy - center)
-        reach_s, reach_y = 0.99 * _reach(s, ds, 1e9), 0.99 * _reach(y, dy, 1e9)
-        x += min(1.0, reach_s) * dx
-        s += min(1.0, reach_s) * ds
-        y += min(1.0, reach_y) * dy
-    return Optimum(x, s, y, MOST_STEPS)
+        dx, ds, dy = self._direction(band, theta, y + (ds * dy - center) / s)
+        reach_s, reach_y = min(1.0, 0.99 * _reach(s, ds, 1e9)), min(1.0, 0.99 * _reach(y, dy, 1e9))
+        self.x += reach_s * dx
+        self.s += reach_s * ds
+        self.y += reach_y * dy
+        self.steps += 1
+        return True
 
+    def loosen(self, factor: float) -> None:
+        """Multiply the quadratic part by a factor, and center it on where the walk stands."""
+        self._quadratic = self._quadratic * factor
+        self._pull = band_times(self._quadratic, self.x)
+        self._draw_back(self.y)
 
-def _direction(
-    rows: Rows, factor: Floats, theta: Floats, s: Floats, y: Floats, primal: Floats, dual: Floats, product: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Return Newton's step for given products ``s y`` to be removed."""
-    dx = dual - rows.transposed_times(product / s + theta * primal)
-    solve(factor, dx)
-    ds = rows.times(dx) + primal
-    return dx, ds, -(product / s) - theta * ds
+    def admit(self, rows: Rows, z: Floats, x: Floats) -> None:
+        """Let more constraints join, and go on from x. All draw back from the border first: else steps are short."""
+        self.x = x.copy()
+        order = np.argsort(np.concatenate([self.rows.place, rows.place]), kind="stable")
+        self.rows = self.rows.with_more(rows, order)
+        self.z = np.concatenate([self.z, z])[order]
+        self._draw_back(np.concatenate([self.y, np.zeros(len(z))])[order])
+
+    def _draw_back(self, y: Floats) -> None:
+        self.s = np.maximum(self.rows.times(self.x) - self.z, FLOOR * self.gap)
+        self.y = np.maximum(y, float(self.s @ y) / (len(y) * self.s))
+
+    def drop(self, share: float) -> None:
+        """Let constraints go whose multipliers are less than a share of the mean."""
+        near = self.y > share * self.y.mean()
+        self.rows, self.z, self.s, self.y = self.rows.chosen(near), self.z[near], self.s[near], self.y[near]
+
+    def _direction(self, factor: Floats, theta: Floats, removed: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return Newton's step; ``removed`` is what is to go of the products s y, over s."""
+        dx = self._dual - self.rows.transposed_times(removed + theta * self._primal)
+        solve(factor, dx)
+        ds = self.rows.times(dx) + self._primal
+        return dx, ds, -removed - theta * ds
 
 
 def _reach(values: Floats, change: Floats, most: float = 1.0) -> float:
     """Return how far a step keeps all values positive."""
-    falling = change < 0.0
-    return float(min(most, (-values[falling] / change[falling]).min(initial=np.inf)))
+    fastest = float((change / values).min(initial=0.0))
+    return min(most, -1.0 / fastest) if fastest < 0.0 else most
 
 
 def band_times(band: Floats, x: Floats) -> Floats:
@@ -189,18 +229,23 @@ def _add_normal(cell, weight, theta, along_u, along_v, step_u, step_v, band):
         for a in range(16):
             share = theta[i] * weight[i, a]
             add_scaled(local, 16 * a, share, flat, 16 * i)
-            add_scaled(local, 16 * a + 8, share, flat, 16 * i + 8)
+            if a >= 8:  # the lower triangle will do
+                add_scaled(local, 16 * a + 8, share, flat, 16 * i + 8)
     if h >= 0:
         scatter_cell(local, h, k, along_u, along_v, step_u, step_v, band)
 
 
 @kernel
 def _band_times(band, x, out):
-    size, width = band.shape[0], band.shape[1] - 1 - PAD
+    size, stride = band.shape
+    width = stride - 1 - PAD
+    flat = band.ravel()
     for i in range(size):
-        total = band[i, width] * x[i]
-        for c in range(max(0, width - i), width):
-            j = i - width + c
-            total += band[i, c] * x[j]
-            out[j] += band[i, c] * x[i]
-        out[i] += total
+        near = min(i, width)
+        row = i * stride + width
+        out[i] += flat[row] * x[i] + dot_run(flat, row - near, x, i - near, near)
+        whole = near - near % 8
+        for c in range(0, whole, 8):
+            add_scaled(out, i - near + c, x[i], flat, row - near + c)
+        for c in range(whole, near):
+            out[i - near + c] += x[i] * flat[row - near + c]

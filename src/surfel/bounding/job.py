@@ -122,17 +122,6 @@ def split_for(points: int, shape: tuple[int, int]) -> int:
     return int(np.clip(round((points / (1.5 * cells)) ** 0.5), 1, SPLIT))
 
 
-def joined(frame: Frame, uv: Floats, height: Floats, more_uv: Floats, more: Floats) -> tuple[Floats, Floats]:
-    """Return two lists of candidates as one, sorted by cell, each point once."""
-    uv, height = np.concatenate([uv, more_uv]), np.concatenate([height, more])
-    cells = np.minimum(uv.astype(np.int64), frame.cells - 1)
-    order = np.lexsort((height, uv[:, 1], uv[:, 0], cells[:, 1], cells[:, 0]))
-    uv, height = uv[order], height[order]
-    fresh = np.ones(len(uv), dtype=np.bool_)
-    fresh[1:] = (np.diff(uv, axis=0) != 0.0).any(axis=1) | (np.diff(height) != 0.0)
-    return np.ascontiguousarray(uv[fresh]), height[fresh].copy()
-
-
 def beside(job: Job, other: Floats) -> Job:
     """Return a job whose candidates also hold the other side's surface wherever cells have no points.
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from surfel.bounding.passes import Residuals
+from surfel.bounding.residuals import Residuals
 from surfel.core.cast import Floats, Integers, read_only
 from surfel.core.errors import InputError
 

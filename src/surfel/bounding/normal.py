@@ -1,4 +1,4 @@
-"""Banded systems of a tensor-product spline: normal equations, bending energy, Cholesky factors.
+"""Banded systems of a tensor-product spline: normal equations and Cholesky factors.
 
 Unknowns are the coefficients that a boundary rule leaves free: all ``(n + 2)(m + 2)`` of an ``open`` spline, the
 ``n m`` inner ones of a ``clamped`` one. They are numbered along the shorter side first, which keeps the band narrow.
@@ -14,7 +14,7 @@ import numpy as np
 
 from surfel._numba import inner, kernel
 from surfel.bounding.evaluate import cell_of, weights
-from surfel.bounding.lanes import add_scaled, subtract_four
+from surfel.bounding.runs import add_scaled, dot_run, subtract_four
 from surfel.core.cast import Floats, Integers
 
 PAD = 8
@@ -41,8 +41,15 @@ class Unknowns:
     size: int
     band: int
 
+    @property
+    def _plain(self) -> bool:
+        """Whether the unknowns are the coefficients in their own order."""
+        return self.step_v == 1 and self.size == len(self.along_u) * len(self.along_v)
+
     def spread(self, x: Floats) -> Floats:
         """Return all coefficients, shape (n + 2, m + 2), from the unknowns."""
+        if self._plain:
+            return x.reshape(len(self.along_u), len(self.along_v)).copy()
         return np.ascontiguousarray(x[self.along_u[:, None] * self.step_u + self.along_v * self.step_v])
 
     def gather(self, coefficients: Floats) -> Floats:
@@ -53,6 +60,8 @@ class Unknowns:
 
     def collect(self, per_coefficient: Floats) -> Floats:
         """Return sums over the coefficients that each unknown stands for."""
+        if self._plain:
+            return per_coefficient.ravel().copy()
         place = self.along_u[:, None] * self.step_u + self.along_v * self.step_v
         return np.asarray(np.bincount(place.ravel(), weights=per_coefficient.ravel(), minlength=self.size), np.float64)
 
@@ -66,17 +75,6 @@ def unknowns_of(shape: tuple[int, int], boundary: str) -> Unknowns:
     sizes = [int(a[-1]) + 1 for a in along]
     step_u, step_v = (sizes[1], 1) if sizes[1] <= sizes[0] else (1, sizes[0])
     return Unknowns(along[0], along[1], step_u, step_v, sizes[0] * sizes[1], 3 * max(step_u, step_v) + 3)
-
-
-def energy(unknowns: Unknowns, bending: float, stretching: float) -> Floats:
-    """Return the band matrix of a thin plate's and a membrane's energy on the coefficients.
-
-    ``bending * sum(D_uu^2 + 2 D_uv^2 + D_vv^2) + stretching * sum(D_u^2 + D_v^2)`` in differences of unknowns.
-    """
-    band = np.zeros((unknowns.size, unknowns.band + 1 + PAD))
-    rows, columns = int(unknowns.along_u[-1]) + 1, int(unknowns.along_v[-1]) + 1
-    _energy(band, rows, columns, unknowns.step_u, unknowns.step_v, float(bending), float(stretching))
-    return band
 
 
 def normal_equations(unknowns: Unknowns, uv: Floats, z: Floats, weight: Floats, band: Floats) -> Floats:
@@ -94,45 +92,6 @@ def factorize(band: Floats) -> bool:
 def solve(factor: Floats, right: Floats) -> None:
     """Solve with a factor, in place."""
     _solve(factor, right)
-
-
-@inner
-def _add(band, i, j, value):
-    width = band.shape[1] - 1 - PAD
-    if j <= i:
-        band[i, j - i + width] += value
-    else:
-        band[j, i - j + width] += value
-
-
-@inner
-def _stencil(band, places, factors, count, scale):
-    for a in range(count):
-        for b in range(count):
-            if places[b] <= places[a]:
-                _add(band, places[a], places[b], scale * factors[a] * factors[b])
-
-
-@kernel
-def _energy(band, rows, columns, step_u, step_v, bending, stretching):
-    places, factors = np.empty(4, np.int64), np.empty(4)
-    for i in range(rows):
-        for j in range(columns):
-            here = i * step_u + j * step_v
-            for step, room in ((step_u, rows - 1 - i), (step_v, columns - 1 - j)):
-                if room >= 1:
-                    places[0], places[1] = here, here + step
-                    factors[0], factors[1] = 1.0, -1.0
-                    _stencil(band, places, factors, 2, stretching)
-                if room >= 2:
-                    places[2] = here + 2 * step
-                    factors[0], factors[1], factors[2] = 1.0, -2.0, 1.0
-                    _stencil(band, places, factors, 3, bending)
-            if i + 1 < rows and j + 1 < columns:
-                places[0], places[1] = here, here + step_u
-                places[2], places[3] = here + step_v, here + step_u + step_v
-                factors[0], factors[1], factors[2], factors[3] = 1.0, -1.0, -1.0, 1.0
-                _stencil(band, places, factors, 4, 2.0 * bending)
 
 
 @kernel
@@ -153,7 +112,8 @@ def _normal(uv, z, weight, along_u, along_v, step_u, step_v, band, right):
             share = weight[i] * row[a]
             side[a] += share * z[i]
             add_scaled(local, 16 * a, share, row, 0)
-            add_scaled(local, 16 * a + 8, share, row, 8)
+            if a >= 8:  # the lower triangle will do
+                add_scaled(local, 16 * a + 8, share, row, 8)
     if cell_u >= 0:
         _scatter_side(side, cell_u, cell_v, along_u, along_v, step_u, step_v, right)
         scatter_cell(local, cell_u, cell_v, along_u, along_v, step_u, step_v, band)
@@ -180,17 +140,17 @@ def _scatter_side(side, h, k, along_u, along_v, step_u, step_v, right):
 
 @inner
 def scatter_cell(local, h, k, along_u, along_v, step_u, step_v, band):
-    """Add the dense 16 x 16 matrix of a cell to the band, and clear it."""
+    """Add the symmetric 16 x 16 matrix of a cell, of which the lower triangle counts, to the band, and clear it."""
     width = band.shape[1] - 1 - PAD
     places = np.empty(16, np.int64)
     for a in range(16):
         places[a] = along_u[h + a // 4] * step_u + along_v[k + a % 4] * step_v
     for a in range(16):
-        i = places[a]
-        for b in range(16):
-            if places[b] <= i:
-                band[i, places[b] - i + width] += local[16 * a + b]
-            local[16 * a + b] = 0.0
+        for b in range(a + 1):
+            i, j = max(places[a], places[b]), min(places[a], places[b])
+            twice = 2.0 if i == j and a != b else 1.0  # two coefficients that a boundary rule makes one
+            band[i, j - i + width] += twice * local[16 * a + b]
+    local[:] = 0.0
 
 
 @kernel
@@ -242,14 +202,20 @@ def _cholesky(band):
 
 @kernel
 def _solve(factor, right):
-    size, width = factor.shape[0], factor.shape[1] - 1 - PAD
+    size, stride = factor.shape
+    width = stride - 1 - PAD
+    flat = factor.ravel()
     for i in range(size):
-        total = right[i]
-        for c in range(max(0, width - i), width):
-            total -= factor[i, c] * right[i - width + c]
-        right[i] = total / factor[i, width]
+        near = min(i, width)
+        row = i * stride + width
+        right[i] = (right[i] - dot_run(flat, row - near, right, i - near, near)) / flat[row]
     for i in range(size - 1, -1, -1):
-        right[i] /= factor[i, width]
-        value = right[i]
-        for c in range(max(0, width - i), width):
-            right[i - width + c] -= factor[i, c] * value
+        near = min(i, width)
+        row = i * stride + width
+        value = right[i] / flat[row]
+        right[i] = value
+        whole = near - near % 8
+        for c in range(0, whole, 8):
+            add_scaled(right, i - near + c, -value, flat, row - near + c)
+        for c in range(whole, near):
+            right[i - near + c] -= value * flat[row - near + c]

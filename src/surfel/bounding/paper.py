@@ -11,11 +11,12 @@ import numpy as np
 
 from surfel._numba import kernel
 from surfel.bounding.banded import COLUMNS
+from surfel.bounding.blocks import CELL_U, CELL_V, HEIGHT, LOCAL_U, ROWS, number_block, place_block
 from surfel.bounding.corners import over_corners
 from surfel.bounding.enclosure import second
-from surfel.bounding.evaluate import cell_of
-from surfel.bounding.frame import Frame, project
+from surfel.bounding.frame import Frame
 from surfel.bounding.job import Job, Outcome
+from surfel.bounding.lanes import BLOCK
 from surfel.bounding.scattered import AGREED, nearest, scattered
 from surfel.bounding.source import Source
 from surfel.core.cast import Floats, Integers
@@ -115,7 +116,8 @@ def _fit_lines(line, place, height, is_open, todo, corner, solves, fallbacks):
 
 @kernel
 def _look_at(p, f, sign, corner, is_open, worst, place, height):
-    # Eq. (5) from a table: b and min(D b, 0) / 6 of both ends of an interval, for both lines of a point.
+    # Eq. (5) from a table: b and min(D b, 0) / 6 of both ends of an interval, for both lines of a point. The bound lies
+    # nowhere below the least sum of these two at the corners of a cell, which lets most points pass.
     n, m = corner.shape
     table = np.zeros((m, n, 2))
     b = np.empty(n)
@@ -125,16 +127,31 @@ def _look_at(p, f, sign, corner, is_open, worst, place, height):
         for i in range(n):
             table[j, i, 0] = b[i]
             table[j, i, 1] = min(second(b, i, is_open), 0.0) / 6.0 if b[i] > -np.inf else 0.0
-    for i in range(p.shape[0]):
-        u, v, z = project(f, p[i, 0], p[i, 1], p[i, 2])
-        z *= sign
-        h, k = cell_of(u, n - 1), cell_of(v, m - 1)
-        s = u - h
-        q = 1.0 - s
-        s3, q3 = s * s * s, q * q * q
-        for j in range(k, k + 2):
-            low = q * table[j, h, 0] + s * table[j, h + 1, 0] + q3 * table[j, h, 1] + s3 * table[j, h + 1, 1]
-            if z > low:
-                a = nearest(u, n)
-                if z - low > worst[j, a]:
-                    worst[j, a], place[j, a], height[j, a] = z - low, u, z
+    least = np.empty((n - 1) * (m - 1))
+    for h in range(n - 1):
+        for k in range(m - 1):
+            low = np.inf
+            for j in range(k, k + 2):
+                for i in range(h, h + 2):
+                    low = min(low, table[j, i, 0] + table[j, i, 1])
+            least[h * (m - 1) + k] = low - 1e-14 * abs(low)
+    w, cell = np.empty(ROWS * BLOCK), np.empty(3 * BLOCK, np.int32)
+    flat = p.ravel()
+    for first in range(0, p.shape[0], BLOCK):
+        here = min(BLOCK, p.shape[0] - first)
+        place_block(flat, first, here, f, sign, w)
+        number_block(here, m + 2, 1, w, cell)
+        for i in range(here):
+            z = w[HEIGHT * BLOCK + i]
+            if z <= least[cell[BLOCK + i]]:
+                continue
+            h, k, s = np.int64(w[CELL_U * BLOCK + i]), np.int64(w[CELL_V * BLOCK + i]), w[LOCAL_U * BLOCK + i]
+            q = 1.0 - s
+            s3, q3 = s * s * s, q * q * q
+            for j in range(k, k + 2):
+                low = q * table[j, h, 0] + s * table[j, h + 1, 0] + q3 * table[j, h, 1] + s3 * table[j, h + 1, 1]
+                if z > low:
+                    u = h + s
+                    a = nearest(u, n)
+                    if z - low > worst[j, a]:
+                        worst[j, a], place[j, a], height[j, a] = z - low, u, z

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel._numba import kernel
-from surfel.bounding.normal import Unknowns, energy, factorize, normal_equations, solve
+from surfel.bounding.energy import energy
+from surfel.bounding.normal import Unknowns, factorize, normal_equations, solve
 from surfel.core.cast import Floats
 
 BENDING = 1e-7

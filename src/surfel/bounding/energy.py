@@ -1,0 +1,83 @@
+"""The bending energy of a spline's coefficients, as a band matrix and without one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from surfel._numba import inner, kernel
+from surfel.bounding.normal import PAD, Unknowns
+from surfel.core.cast import Floats
+
+
+def energy(unknowns: Unknowns, bending: float, stretching: float) -> Floats:
+    """Return the band matrix of a thin plate's and a membrane's energy on the coefficients.
+
+    ``bending * sum(D_uu^2 + 2 D_uv^2 + D_vv^2) + stretching * sum(D_u^2 + D_v^2)`` in differences of unknowns.
+    """
+    band = np.zeros((unknowns.size, unknowns.band + 1 + PAD))
+    rows, columns = int(unknowns.along_u[-1]) + 1, int(unknowns.along_v[-1]) + 1
+    _energy(band, rows, columns, unknowns.step_u, unknowns.step_v, float(bending), float(stretching))
+    return band
+
+
+@inner
+def _add(band, i, j, value):
+    width = band.shape[1] - 1 - PAD
+    if j <= i:
+        band[i, j - i + width] += value
+    else:
+        band[j, i - j + width] += value
+
+
+@inner
+def _stencil(band, places, factors, count, scale):
+    for a in range(count):
+        for b in range(count):
+            if places[b] <= places[a]:
+                _add(band, places[a], places[b], scale * factors[a] * factors[b])
+
+
+@kernel
+def _energy(band, rows, columns, step_u, step_v, bending, stretching):
+    places, factors = np.empty(4, np.int64), np.empty(4)
+    for i in range(rows):
+        for j in range(columns):
+            here = i * step_u + j * step_v
+            for step, room in ((step_u, rows - 1 - i), (step_v, columns - 1 - j)):
+                if room >= 1:
+                    places[0], places[1] = here, here + step
+                    factors[0], factors[1] = 1.0, -1.0
+                    _stencil(band, places, factors, 2, stretching)
+                if room >= 2:
+                    places[2] = here + 2 * step
+                    factors[0], factors[1], factors[2] = 1.0, -2.0, 1.0
+                    _stencil(band, places, factors, 3, bending)
+            if i + 1 < rows and j + 1 < columns:
+                places[0], places[1] = here, here + step_u
+                places[2], places[3] = here + step_v, here + step_u + step_v
+                factors[0], factors[1], factors[2], factors[3] = 1.0, -1.0, -1.0, 1.0
+                _stencil(band, places, factors, 4, 2.0 * bending)
+
+
+@kernel
+def add_bending(b, bending, out):
+    """Add the gradient of half the bending energy of a grid of unknowns."""
+    n, m = b.shape
+    for i in range(n):
+        for j in range(m):
+            if i + 2 < n:
+                d = bending * (b[i, j] - 2.0 * b[i + 1, j] + b[i + 2, j])
+                out[i, j] += d
+                out[i + 1, j] -= 2.0 * d
+                out[i + 2, j] += d
+            if j + 2 < m:
+                d = bending * (b[i, j] - 2.0 * b[i, j + 1] + b[i, j + 2])
+                out[i, j] += d
+                out[i, j + 1] -= 2.0 * d
+                out[i, j + 2] += d
+            if i + 1 < n and j + 1 < m:
+                d = 2.0 * bending * (b[i, j] - b[i + 1, j] - b[i, j + 1] + b[i + 1, j + 1])
+                out[i, j] += d
+                out[i + 1, j] -= d
+                out[i, j + 1] -= d
+                out[i + 1, j + 1] += d
