@@ -19,6 +19,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from surfel.booleans.classifier import Classifier
+    from surfel.booleans.combine import combine
+    from surfel.booleans.result import Combination
     from surfel.bounding.curve import bound_curve
     from surfel.bounding.doors import bound
     from surfel.bounding.pairs import sandwich
@@ -36,8 +39,12 @@ if TYPE_CHECKING:
     from surfel.core.lines import Lines
     from surfel.core.patches import Patches
     from surfel.io import convert, info, open, read, write
+    from surfel.measuring.cut_and_fill import CutAndFill, cut_and_fill
     from surfel.measuring.measure import measure
     from surfel.measuring.measurement import Measurement
+    from surfel.rendering.camera import Camera
+    from surfel.rendering.image import Image
+    from surfel.rendering.render import render
     from surfel.shapes.mesh import Mesh
     from surfel.shapes.primitives.box import Box
     from surfel.shapes.primitives.cyclide import Cyclide, Torus
@@ -49,14 +56,19 @@ if TYPE_CHECKING:
     from surfel.shapes.sample import sample
     from surfel.shapes.surfels import Surfels
     from surfel.shapes.tree import Difference, Intersection, Union
+    from surfel.viewer.view import view
 
 __version__ = "0.1.0"
 
 __all__ = [
     "Box",
+    "Camera",
+    "Classifier",
+    "Combination",
     "Cone",
     "ConvergenceError",
     "Crossings",
+    "CutAndFill",
     "Cyclide",
     "Cylinder",
     "Difference",
@@ -64,6 +76,7 @@ __all__ = [
     "Estimate",
     "FileFormatError",
     "HalfSpace",
+    "Image",
     "InputError",
     "Intersection",
     "Lines",
@@ -83,27 +96,36 @@ __all__ = [
     "__version__",
     "bound",
     "bound_curve",
+    "combine",
     "convert",
+    "cut_and_fill",
     "info",
     "measure",
     "open",
     "read",
+    "render",
     "sample",
     "sandwich",
+    "view",
     "write",
 ]
 
 _HOME = {
+    "Camera": "surfel.rendering.camera",
     "Box": "surfel.shapes.primitives.box",
+    "Classifier": "surfel.booleans.classifier",
+    "Combination": "surfel.booleans.result",
     "Cone": "surfel.shapes.primitives.cylinder",
     "ConvergenceError": "surfel.core.errors",
     "Crossings": "surfel.core.crossings",
+    "CutAndFill": "surfel.measuring.cut_and_fill",
     "Cyclide": "surfel.shapes.primitives.cyclide",
     "Cylinder": "surfel.shapes.primitives.cylinder",
     "Difference": "surfel.shapes.tree",
     "Ellipsoid": "surfel.shapes.primitives.ellipsoid",
     "Estimate": "surfel.core.estimate",
     "FileFormatError": "surfel.core.errors",
+    "Image": "surfel.rendering.image",
     "HalfSpace": "surfel.shapes.primitives.half_space",
     "InputError": "surfel.core.errors",
     "Intersection": "surfel.shapes.tree",
@@ -123,13 +145,17 @@ _HOME = {
     "Union": "surfel.shapes.tree",
     "bound": "surfel.bounding.doors",
     "bound_curve": "surfel.bounding.curve",
+    "combine": "surfel.booleans.combine",
     "convert": "surfel.io",
+    "cut_and_fill": "surfel.measuring.cut_and_fill",
     "info": "surfel.io",
     "measure": "surfel.measuring.measure",
     "open": "surfel.io",
     "read": "surfel.io",
+    "render": "surfel.rendering.render",
     "sample": "surfel.shapes.sample",
     "sandwich": "surfel.bounding.pairs",
+    "view": "surfel.viewer.view",
     "write": "surfel.io",
 }
 

@@ -1,4 +1,4 @@
-"""The command line: measure, info, convert, sample and demo.
+"""The command line: measure, combine, bound, info, convert, sample and demo.
 
 Exit codes: 0 when the work is done; 2 with one line on the standard error when it cannot be done (a wrong argument, an
 unreadable or lying file, a full disk, a missing extra); 130 after Ctrl-C; 141 when the reader of the output has gone;

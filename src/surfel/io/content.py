@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from surfel.core.cast import Floats, Integers
 from surfel.core.errors import InputError
+from surfel.io.clip_columns import AREA, clips_from, columns_of
 
 if TYPE_CHECKING:
     from surfel.shapes.mesh import Mesh
@@ -155,7 +156,12 @@ class Content:
         if self.frame is not None:
             told |= {"frame": self.frame} | ({"crs": self.frame.crs} if self.frame.crs else {})
         normals = None if self.normals is None else _units(self.normals)
-        return Surfels._adopted(self.points, normals, radii, self.colors, attributes, told)
+        clips = None
+        if AREA in attributes:
+            clips, attributes = clips_from(attributes)
+        cloud = Surfels._adopted(self.points, normals, radii, self.colors, attributes, told)
+        cloud._clips = clips
+        return cloud
 
     def to_mesh(self) -> Mesh:
         """Return the mesh."""
@@ -212,9 +218,9 @@ def content_of(thing: object) -> Content:
         return Content(mesh.vertices, np.asarray(mesh.triangles, np.int64), colors=getattr(mesh, "colors", None))
     if hasattr(thing, "points") and hasattr(thing, "attributes"):
         cloud: Any = thing
-        return Content(
-            cloud.points, None, cloud.normals, cloud.radii, cloud.colors, dict(cloud.attributes), frame=_frame_of(cloud)
-        )  # fmt: skip
+        clips = getattr(cloud, "clips", None)
+        attributes = {**cloud.attributes, **({} if clips is None else columns_of(clips))}
+        return Content(cloud.points, None, cloud.normals, cloud.radii, cloud.colors, attributes, frame=_frame_of(cloud))
     if isinstance(thing, (np.ndarray, list, tuple)):
         return Content(as_points(thing, "points"))
     raise InputError(

@@ -95,8 +95,8 @@ def _area_of_cloud(surface: CloudSurface, counted: LineResult | None) -> Estimat
         reasons.append(f"{points} points are too few to be halved, which tells how well they sample the shape")
     if surface.overlaid:
         reasons.append(
-            "layers that face the same way lie closer than their points, as of scans laid over each other: each counts, "
-            "so the area is that of all layers together; merge the scans, or leave out the normals"
+            "layers that face the same way lie closer than their points, as of scans laid over each other: "
+            "each counts, so the area is that of all layers together; merge the scans, or leave out the normals"
         )
     if surface.two_sheets:
         reasons.append(

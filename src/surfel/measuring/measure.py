@@ -22,7 +22,6 @@ from surfel.measuring.by_lines import SHIFTS, LineResult, ShiftedLines, measure_
 from surfel.measuring.cloud import measure_cloud
 from surfel.measuring.exact import measure_mesh
 from surfel.measuring.measurement import Measurement
-from surfel.measuring.qmca import Qmca, measure_qmca, refuse_other
 from surfel.measuring.solid import Work, measure_solid
 from surfel.shapes.base import Shape
 from surfel.shapes.mesh import Mesh
@@ -131,9 +130,12 @@ def measure(
     if reference in ("box", "cylinder") and model != "tangent":
         raise InputError(f"model {model!r} belongs to the ball; take reference='ball', or model='tangent'")
 
-    options = Qmca(radius_factor, depth, cells, density, denoise).checked()
-    if method == "qmca":
+    def as_published(cloud: Surfels) -> Measurement:
+        from surfel.measuring.qmca import Qmca, measure_qmca, refuse_other
+
         refuse_other(reference, goal)
+        options = Qmca(radius_factor, depth, cells, density, denoise).checked()
+        return measure_qmca(cloud, options, count, number, model, sequence, progress)
 
     def count_lines() -> LineResult:
         source = ShiftedLines.of(_body(shape, model, reference, count), model, sequence, number)
@@ -152,7 +154,7 @@ def measure(
             shape, (count_lines(), weigh_inside()) if method == "lines" and len(shape.triangles) else None
         )
     elif isinstance(shape, Surfels) and method == "qmca":
-        result = measure_qmca(shape, options, count, number, model, sequence, progress)
+        result = as_published(shape)
     elif isinstance(shape, Surfels):
         result = measure_cloud(shape, method or "patches", count_lines, weigh_inside)
     elif isinstance(shape, Shape):

@@ -1,0 +1,1 @@
+"""Boolean operations on clouds and exact solids: the kept surfels, the cut, and its curve."""

@@ -1,0 +1,155 @@
+"""Joining: one cloud from what is left of the operands, with all that they know."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel.booleans.assemble import Born, Kept
+from surfel.booleans.interpolate import Blend
+from surfel.booleans.part import Part
+from surfel.core.cast import Floats, read_only
+from surfel.shapes.clips import Clips
+from surfel.shapes.surfels import Surfels, _full
+
+LEAF = "leaf"
+"""The attribute that tells which operand a surfel comes from."""
+
+
+def joined(parts: list[Part], kept: list[Kept], solid: bool | None) -> Surfels:
+    """Return the result as one cloud, operand after operand."""
+    if not parts:
+        return Surfels(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), solid=solid)
+    pieces = [_surfels(part, left) for part, left in zip(parts, kept, strict=True)]
+    cloud = Surfels._adopted(
+        *(np.concatenate([getattr(piece, name) for piece in pieces]) for name in ("points", "normals", "radii")),
+        _colors(pieces), _attributes(pieces), {},
+    )  # fmt: skip
+    if all(piece.axes is not None for piece in pieces if len(piece.points)):
+        known = [piece.axes for piece in pieces if piece.axes is not None]
+        cloud._axes = read_only(np.concatenate(known)) if known else None
+    cloud._solid = solid
+    cloud._clips = _clips(parts, kept)
+    return cloud
+
+
+@dataclass
+class _Piece:
+    """What one operand gives to the result."""
+
+    points: Floats
+    normals: Floats
+    radii: Floats
+    colors: NDArray[Any] | None
+    attributes: dict[str, NDArray[Any]]
+    axes: Floats | None
+
+
+def _surfels(part: Part, left: Kept) -> _Piece:
+    cloud = part.cloud
+    row = part.order[left.rows]
+    piece = _Piece(
+        cloud.points[row],
+        part.normals[left.rows],
+        part.radii[left.rows],
+        None if cloud.colors is None else cloud.colors[row],
+        {name: value[row] for name, value in cloud.attributes.items()},
+        None if cloud.axes is None else cloud.axes[row],
+    )
+    if left.born is not None and len(left.born.rows):
+        _interpolate(piece, part, left, left.born)
+    piece.normals[left.turned] *= -1.0
+    piece.attributes[LEAF] = np.full(len(row), part.leaf, np.int32)
+    return piece
+
+
+def _interpolate(piece: _Piece, part: Part, left: Kept, born: Born) -> None:
+    """Give surfels that were split off places on the surface, and what those round them have."""
+    blend = Blend(part, born.centres, left.rows[born.rows])
+    piece.points[born.rows], piece.normals[born.rows] = blend.lifted(), blend.normals()
+    piece.radii[born.rows] = born.radii
+    if piece.colors is not None and part.cloud.colors is not None:
+        piece.colors[born.rows] = blend.colors(part.cloud.colors)
+    for name, value in blend.attributes(part.cloud.attributes).items():
+        piece.attributes[name][born.rows] = value
+    piece.axes = None
+
+
+def _clips(parts: list[Part], kept: list[Kept]) -> Clips:
+    """Return the clips of the result: those that surfels had, and those of the cut."""
+    every = [_clips_of(part, left) for part, left in zip(parts, kept, strict=True)]
+    total = every[0]
+    for clips in every[1:]:
+        total = total.joined(clips)
+    return total
+
+
+def _clips_of(part: Part, left: Kept) -> Clips:
+    old = part.cloud.clips
+    areas = _areas_of(part, left.rows, left.shares)
+    if old is None:
+        return Clips(left.offsets, left.planes, left.places, areas)
+    before = old[part.order[left.rows]]
+    stays = np.ones(len(left.rows), bool)
+    if left.born is not None:  # what was split off needs no planes: it lies on this side of all of them
+        stays[left.born.rows] = False
+    here = np.repeat(stays, before.counts)
+    counts, places = np.where(stays, before.counts, 0), np.where(stays[:, None], before.places, 0.0)
+    planes = left.planes.copy()
+    which = np.repeat(np.arange(len(stays)), np.diff(left.offsets))
+    planes[:, 3] += np.einsum("ij,ij->i", planes[:, :3], places[which])
+    owner = np.concatenate([np.repeat(np.arange(len(stays)), counts), which])
+    order = np.argsort(owner, kind="stable")
+    offsets = np.concatenate([[0], np.cumsum(counts + np.diff(left.offsets))])
+    return Clips(offsets, np.concatenate([before.planes[here], planes])[order], places + left.places, areas)
+
+
+def _areas_of(part: Part, rows: NDArray[np.int64], shares: Floats) -> Callable[[], Floats]:
+    """Return what finds the areas of the kept surfels when they are asked for."""
+    return lambda: part.areas[rows] * shares if len(rows) else np.empty(0)
+
+
+def _attributes(pieces: list[_Piece]) -> dict[str, NDArray[Any]]:
+    """Return all attributes; where an operand lacks one, NaN, zero or empty text stands for it."""
+    names = dict.fromkeys(name for piece in pieces for name in piece.attributes)
+    found: dict[str, NDArray[Any]] = {}
+    for name in names:
+        known = [piece.attributes[name] for piece in pieces if name in piece.attributes]
+        if len({value.shape[1:] for value in known}) > 1 or len({value.dtype.kind in "US" for value in known}) > 1:
+            continue  # the operands mean different things by it
+        kind = np.result_type(*known)
+        filler = np.full((), np.nan, kind) if kind.kind == "f" else np.zeros((), kind)
+        shape = known[0].shape[1:]
+        found[name] = np.concatenate(
+            [
+                piece.attributes[name].astype(kind)
+                if name in piece.attributes
+                else np.full((len(piece.points), *shape), filler)
+                for piece in pieces
+            ]
+        )
+    return found
+
+
+def _colors(pieces: list[_Piece]) -> NDArray[Any] | None:
+    """Return all colors on one scale; operands without any are gray."""
+    known = [piece.colors for piece in pieces if piece.colors is not None]
+    if not known:
+        return None
+    channels = max(colors.shape[1] for colors in known)
+    mixed = len({_full(colors) for colors in known}) > 1 or len({colors.dtype for colors in known}) > 1
+    kind = np.dtype(np.float64) if mixed else known[0].dtype
+    top = 1.0 if kind.kind == "f" else _full(known[0])
+    parts = []
+    for piece in pieces:
+        part = np.full((len(piece.points), channels), top if kind.kind == "f" else int(top), kind)
+        if piece.colors is None:
+            part[:, :3] = 0.5 * top if kind.kind == "f" else int(top) // 2
+        else:
+            part[:, : piece.colors.shape[1]] = piece.colors / _full(piece.colors) if mixed else piece.colors
+        parts.append(part)
+    return np.concatenate(parts)

@@ -1,0 +1,186 @@
+"""Surfels of exact solids: drawn evenly, and only where the tree may keep or cut them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel.core.cast import Floats
+from surfel.core.errors import InputError
+from surfel.core.patches import Patches
+from surfel.shapes.base import Shape
+from surfel.shapes.elements import can_be_sampled, elements_of
+from surfel.shapes.extent import half_space_of
+from surfel.shapes.mesh import Mesh
+from surfel.shapes.placed import Placed
+from surfel.shapes.primitives.primitive import square_points
+from surfel.shapes.sample_apart import eliminate, keep_apart
+from surfel.shapes.sample_mesh import OfMesh
+from surfel.shapes.surfels import Surfels
+
+DEFAULT = 65_536
+"""About so many surfels has the largest leaf of a tree without clouds, where no spacing was asked for."""
+
+_CANDIDATES = 5
+_APART = 0.72
+_MOST = 20_000_000
+_GRID = 64  # squares along each side of the unit square that is mapped to a surface
+_FINEST = 40  # so often are the squares divided that reach into the box
+_PILOT = 4  # places in each square
+
+Keep = Callable[[Floats, Floats], NDArray[np.bool_]]
+"""Tells which places, with their normals, are wanted."""
+
+
+def surfels_of(leaf: Shape, box: Floats, spacing: float, wanted: Keep, seed: int) -> Surfels:
+    """Draw the surfels of an exact solid or a mesh.
+
+    Candidates are drawn by area, five for each surfel, from those parts of the surface that lie in the box, and
+    crowded ones are eliminated; so only what is wanted costs.
+
+    Parameters
+    ----------
+    leaf : Shape
+        A primitive or a mesh.
+    box : Floats, shape (2, 3)
+        Where the surface is of account.
+    spacing : float
+        How far apart the surfels lie: each stands for the square of that.
+    wanted : callable
+        Tells which candidates may be kept or cut.
+    seed : int
+        Of the candidates.
+
+    Raises
+    ------
+    InputError
+        If the leaf is known by its equation alone, or more than 4 million surfels would be needed.
+    """
+    if not can_be_sampled(leaf):
+        name = type(leaf.shape if isinstance(leaf, Placed) else leaf).__name__
+        raise InputError(
+            f"the surface of a {name} cannot be sampled, for it is known by its equation alone; "
+            "measure the tree instead"
+        )
+    rng = np.random.default_rng((seed, 17))
+    margin = 3.0 * spacing
+    region = box + np.array([[-margin], [margin]])
+    draw, area = _of_mesh(leaf, region) if isinstance(leaf, Mesh) else _of_squares(leaf, region)
+    count = _CANDIDATES * area / spacing**2
+    if count > _MOST:
+        raise InputError(
+            f"a spacing of {spacing:g} asks for about {count / _CANDIDATES:.2g} surfels on a {type(leaf).__name__}; "
+            "give a larger one"
+        )
+    points, normals = draw(math.ceil(count), rng)
+    here = ((points >= region[0]) & (points <= region[1])).all(axis=1)
+    points, normals = points[here], normals[here]
+    keep = wanted(points, normals) if len(points) else np.zeros(0, bool)
+    points, normals = np.ascontiguousarray(points[keep]), np.ascontiguousarray(normals[keep])
+    if not len(points):
+        return Surfels(points, normals, np.empty(0))
+    number = max(1, round(len(points) / _CANDIDATES))
+    hexagonal = math.sqrt(2.0 / math.sqrt(3.0)) * spacing
+    order = eliminate(points, normals, number, hexagonal)
+    kept = keep_apart(points, normals, order, len(order), _APART * hexagonal)
+    return Surfels(points[kept], normals[kept])
+
+
+Draw = Callable[[int, np.random.Generator], tuple[Floats, Floats]]
+
+
+def _of_mesh(mesh: Mesh, region: Floats) -> tuple[Draw, float]:
+    """Draw from the triangles that meet the region."""
+    corners = mesh.vertices[mesh.triangles]
+    meets = ((corners.max(axis=1) >= region[0]) & (corners.min(axis=1) <= region[1])).all(axis=1)
+    part = mesh if meets.all() else Mesh(mesh.vertices, mesh.triangles[meets])
+    normals = mesh.face_normals[meets]
+    if not part.area > 0.0:
+        return _nothing, 0.0
+    source = OfMesh(part)
+
+    def draw(n: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        found = source.random(n, rng)
+        return found.points, normals[found.triangles]
+
+    return draw, part.area
+
+
+def _of_squares(leaf: Shape, region: Floats) -> tuple[Draw, float]:
+    """Draw from the squares of the parameter plane whose images come near the region."""
+    if half_space_of(leaf) is not None:
+        return _of_plane(leaf, region)
+    corners, side, densest = _squares_near(leaf, region)
+    if not len(corners):
+        return _nothing, 0.0
+    area = float(densest.sum()) * side * side
+    chance = densest / densest.sum()
+
+    def draw(n: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        square = rng.choice(len(corners), n, p=chance)
+        found = elements_of(leaf, corners[square] + side * rng.random((n, 2)), region)
+        taken = rng.random(n) * densest[square] < _densities(found, n)
+        return found.points[taken], found.normals[taken]
+
+    return draw, area
+
+
+def _of_plane(leaf: Shape, region: Floats) -> tuple[Draw, float]:
+    area = float(elements_of(leaf, square_points(4), region).areas.sum())
+
+    def draw(n: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        found = elements_of(leaf, rng.random((n, 2)), region)
+        return found.points, found.normals
+
+    return (draw, area) if area > 0.0 else (_nothing, 0.0)
+
+
+def _squares_near(leaf: Shape, region: Floats) -> tuple[Floats, float, Floats]:
+    """Divide the squares that reach into the region, until they are small against it.
+
+    Returns
+    -------
+    corners : Floats, shape (k, 2)
+        The lower left corner of each square.
+    side : float
+        Of the squares.
+    densest : Floats, shape (k,)
+        At least the area for a unit of the parameter plane that any place in a square has.
+    """
+    side = 1.0 / _GRID
+    ticks = np.arange(_GRID) * side
+    corners = np.stack([axis.ravel() for axis in np.meshgrid(ticks, ticks, indexing="ij")], axis=1)
+    places = np.array([[0.02, 0.02], [0.98, 0.02], [0.02, 0.98], [0.98, 0.98], [0.5, 0.5]])
+    diagonal = float(np.linalg.norm(region[1] - region[0]))
+    for depth in range(_FINEST + 1):
+        uv = (corners[:, None] + side * places).reshape(-1, 2)
+        found = elements_of(leaf, uv, region)
+        at = found.points.reshape(-1, len(places), 3)
+        middle = at.mean(axis=1)
+        size = 2.0 * np.linalg.norm(at - middle[:, None], axis=2).max(axis=1)
+        gap = np.maximum(np.maximum(region[0] - middle, middle - region[1]), 0.0)
+        near = np.linalg.norm(gap, axis=1) <= size
+        corners = corners[near]
+        densest = 1.15 * _densities(found, len(uv)).reshape(-1, len(places)).max(axis=1)[near]
+        if (
+            depth == _FINEST
+            or not len(corners)
+            or float(size[near].max()) < 0.25 * diagonal
+            or float(near.mean()) > 0.5
+        ):
+            return corners, side, densest
+        side *= 0.5
+        corners = np.concatenate([corners + side * np.array(step) for step in ((0, 0), (1, 0), (0, 1), (1, 1))])
+    raise AssertionError("the last round returns")
+
+
+def _densities(found: Patches, n: int) -> Floats:
+    """Return the area for a unit of the parameter plane at each element of n."""
+    return np.asarray(found.areas * n)
+
+
+def _nothing(n: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    return np.empty((0, 3)), np.empty((0, 3))
