@@ -21,6 +21,9 @@ LEAST_TOLD = {
     "05_drilled_scan": 6,
     "06_roughing_surface": 0,
     "07_canopy_sandwich": 0,
+    "08_scan_minus_drill": 3,
+    "09_two_scans_joined": 5,
+    "10_stockpile": 2,
 }
 
 
