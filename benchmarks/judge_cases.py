@@ -170,8 +170,13 @@ def places_of(kind: str, solid: Solid, count: int, spacing: float, rng: np.rando
     if kind == "near":
         points, normals = solid.draw(count, rng, smooth=False)
         return points + normals * rng.uniform(-2.0, 2.0, (count, 1)) * spacing
-    other = known_solid("bunny" if _is_there("bunny") else "box")
-    return other.draw(2 * count, rng, smooth=False)[0] @ _TURN.T + [0.15, 0.05, 0.1]
+    other = on_its_way(known_solid("bunny" if _is_there("bunny") else "box"))
+    return other.draw(2 * count, rng, smooth=False)[0]
+
+
+def on_its_way(solid: Solid) -> Solid:
+    """Return a solid, turned and shifted, so that it meets others round the origin."""
+    return Solid(solid.name, solid.vertices @ _TURN.T + [0.15, 0.05, 0.1], solid.triangles)
 
 
 def _about(axis: Floats, angle: float) -> Floats:

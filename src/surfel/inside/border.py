@@ -12,8 +12,8 @@ from surfel._numba import kernel, rows, threads_for
 from surfel.core.cast import Floats
 from surfel.inside.grid import Frame
 
-EMPTY = 17.0
-"""So many surfels are expected where a cell of the surface stays free of disks: exp(-17) of such cells are missed."""
+EMPTY = 21.0
+"""So many surfels are expected where a cell of the surface stays free of disks: exp(-21) of such cells are missed."""
 
 LARGEST = 12.0
 """And at most this many cells: strays shall not fill space."""
@@ -67,8 +67,8 @@ def disk_radii(spacings: Floats, areas: Floats, step: float) -> Floats:
     """Return the radii of the disks that make the border.
 
     A cell of side h that the surface crosses is missed if no centre lies within the radius R of it, on an area of
-    ``h^2 + 4 h R + pi R^2``. R is such that :data:`EMPTY` surfels at random are expected there: one spacing for cells
-    of 2.2, and 2.3 spacings for cells that are small against the spacing.
+    ``h^2 + 4 h R + pi R^2``. R is such that :data:`EMPTY` surfels at random are expected there: 1.3 spacings for
+    cells of 2.2, and 2.6 for cells that are small against the spacing.
     """
     radii = np.empty(len(spacings))
     with threads_for(len(spacings)):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from surfel._numba import inner, rows, threads_for
 from surfel.core.cast import Floats, as_count
 from surfel.core.execute import blocks
+from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.operand import Operand
 from surfel.surface.planes import smallest_eigenpair
 
@@ -51,7 +52,7 @@ class Features(NamedTuple):
     along: Floats
 
 
-def features(operand: Operand, *, k: int = 16) -> Features:
+def features(cloud: Operand | HasOperand, *, k: int = 16) -> Features:
     """Find edges, corners and planar pieces.
 
     The covariance of the places, which the surface's planes are taken from, tells how flat a neighbourhood is; but it
@@ -60,7 +61,7 @@ def features(operand: Operand, *, k: int = 16) -> Features:
 
     Parameters
     ----------
-    operand : Operand
+    cloud : Operand or Surfels
         The cloud.
     k : int
         How many neighbours; as many as there are in smaller clouds.
@@ -91,6 +92,7 @@ def features(operand: Operand, *, k: int = 16) -> Features:
     >>> bool((found.kind[roof[:, 0] == 10] == PLANAR).all()), bool((found.kind[:400][side[:, 0] == 0] == EDGE).all())
     (True, True)
     """
+    operand = as_operand(cloud)
     wanted = min(as_count(k, "k", 3), len(operand) - 1)
     n = len(operand)
     found = Features(np.zeros(n, np.int8), np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)))

@@ -1,41 +1,62 @@
-"""Values known at every so many points of a curve's order, taken over by those between them."""
+"""Lengths known at every so many points of a curve's order, smoothed and taken over by those between them."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from surfel._numba import rows, threads_for
-from surfel.core.cast import Floats
+from surfel.core.cast import Booleans, Floats
+
+AGREE = 1.5
+"""Lengths that differ by more than this factor from the nearest one count as if they differed by it."""
+
+FAR = 1.8
+"""A known point farther away than this many of its lengths says nothing."""
+
+_APART = 4  # points between those that are averaged over
 
 
-def along_the_order(points: Floats, known: Floats, stride: int) -> Floats:
-    """Return for every point the value of the nearer one of the two known points that it lies between in the order.
+def along_the_order(points: Floats, known: Floats, stride: int) -> tuple[Floats, Booleans]:
+    """Return for every point the root mean square of four lengths known near it in the order, and whether to trust it.
 
-    A point far from those before it, where the curve leaps, or a stray, so does not pass its value on.
+    The nearer one in space, of those before and after it, is what the others may not differ much from; that halves what
+    chance adds to single lengths. Where it is many of its lengths away (a stray, or a leap of the curve between dense
+    and sparse parts), it says nothing about the point.
 
     Parameters
     ----------
     points : Floats, shape (n, 3)
         Sorted along a curve.
     known : Floats, shape (ceil(n / stride),)
-        The values at points 0, stride, 2 stride, ...
+        The lengths at points 0, stride, 2 stride, ...
     stride : int
         At least 1.
     """
-    values = np.empty(len(points))
+    values, trusted = np.empty(len(points)), np.empty(len(points), bool)
     with threads_for(len(points)):
-        _take_over(len(points), points, known, np.int64(stride), values)
-    return values
+        _take_over(len(points), points, known, np.int64(stride), np.int64(max(1, _APART // stride)), values, trusted)
+    return values, trusted
 
 
 @rows
-def _take_over(first, last, points, known, stride, values):
+def _take_over(first, last, points, known, stride, apart, values, trusted):
+    most = len(known) - 1
     for n in range(first, last):
         before = n // stride
-        after = min(before + 1, len(known) - 1)
-        a, b = before * stride, after * stride
+        after = min(before + 1, most)
         to_a = to_b = 0.0
         for axis in range(3):
-            to_a += (points[n, axis] - points[a, axis]) ** 2
-            to_b += (points[n, axis] - points[b, axis]) ** 2
-        values[n] = known[before] if to_a <= to_b else known[after]
+            to_a += (points[n, axis] - points[before * stride, axis]) ** 2
+            to_b += (points[n, axis] - points[after * stride, axis]) ** 2
+        here = before if to_a <= to_b else after
+        length = known[here]
+        low, high = length / AGREE, length * AGREE
+        total = length * length
+        for step in range(-1, 3):
+            if step != 0:
+                other = min(max(known[min(max(here + step * apart, 0), most)], low), high)
+                total += other * other
+        values[n] = math.sqrt(0.25 * total)
+        trusted[n] = min(to_a, to_b) <= FAR * FAR * length * length

@@ -13,6 +13,7 @@ from surfel._vec import dot, norm, tangent_frame
 from surfel.core.cast import Booleans, Floats, as_count, as_number, as_positive
 from surfel.core.errors import InputError
 from surfel.index.hilbert import hilbert_order
+from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.neighbourhood import neighbours_of
 from surfel.inside.operand import Operand
 from surfel.surface.planes import smallest_eigenpair, solve_spd
@@ -58,7 +59,7 @@ class Settings(NamedTuple):
 
 def project(
     points: ArrayLike,
-    operand: Operand,
+    cloud: Operand | HasOperand,
     *,
     degree: int = 2,
     h: float | None = None,
@@ -77,7 +78,7 @@ def project(
     ----------
     points : array_like, shape (m, 3)
         Places, in the coordinates of the cloud.
-    operand : Operand
+    cloud : Operand or Surfels
         The cloud; at least one surfel.
     degree : int
         Of the polynomial, 0 to 4; 0 takes the foot on the plane. With fewer surfels than three for two coefficients
@@ -117,6 +118,7 @@ def project(
     >>> np.linalg.norm(found.points, axis=1).round(2).tolist()
     [1.0, 1.0]
     """
+    operand = as_operand(cloud)
     settings = settings_for(operand, degree, h, k, bias, steps)
     given = operand.local(points)
     sorting = hilbert_order(given)

@@ -212,8 +212,9 @@ class Operand:
 
 
 def _spacings(index: PointIndex | None) -> Floats:
-    """Return the spacing at every surfel: at one in :data:`STRIDE` by its neighbours, at the others by that of the
-    nearer one of the two such surfels that they follow and precede. Surfels at one place are taken as one.
+    """Return the spacing at every surfel, from the neighbours of one in :data:`STRIDE`, averaged over a few of these.
+
+    Surfels at one place are taken as one.
     """
     n = 0 if index is None else len(index)
     if index is None or n < 2:
@@ -228,11 +229,13 @@ def _spacings(index: PointIndex | None) -> Floats:
         found[distinct.order] = _spacings(distinct) if len(places) > 1 else 0.0
         return read_only(found[of_surfel.ravel()])
     known = np.sqrt(squares[:, k - 1] * (np.pi / k))
-    if stride == 1:
-        return read_only(known)
     from surfel.inside.interpolation import along_the_order
 
-    return read_only(along_the_order(index.points, known, stride))
+    spacings, trusted = along_the_order(index.points, known, stride)
+    left = np.flatnonzero(~trusted)
+    if len(left):
+        spacings[left] = np.sqrt(index.knn(k, left)[0][:, k - 1] * (np.pi / k))
+    return read_only(spacings)
 
 
 def _shared(points: Floats) -> Floats:

@@ -1,6 +1,6 @@
 """The judges: eight ways to tell whether a place lies inside a cloud, one file each, one signature for all.
 
-Every judge is ``judge(operand, queries, **parameters) -> Verdict``. They are loaded when they are asked for.
+Every judge is ``judge(cloud, queries, **parameters) -> Verdict``. They are loaded when they are asked for.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from surfel.core.cast import as_choice
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from surfel.inside.holder import HasOperand
     from surfel.inside.judges.choice import Choice
     from surfel.inside.judges.verdict import Verdict
     from surfel.inside.operand import Operand
@@ -24,8 +25,8 @@ NAMES = ("brute", "nearest", "two-nearest", "mls", "two-cluster", "imls", "windi
 class Judge(Protocol):
     """What every judge is."""
 
-    def __call__(self, operand: Operand, queries: ArrayLike, **parameters: Any) -> Verdict:
-        """Judge places, given in the coordinates of the operand's cloud, shape (q, 3)."""
+    def __call__(self, cloud: Operand | HasOperand, queries: ArrayLike, **parameters: Any) -> Verdict:
+        """Judge places, given in the coordinates of the cloud, shape (q, 3)."""
         ...
 
 
@@ -52,8 +53,8 @@ def named(name: str) -> Judge:
     return judge
 
 
-def choose(operand: Operand) -> Choice:
+def choose(cloud: Operand | HasOperand) -> Choice:
     """Return the name of the judge that suits a cloud, and why; see :mod:`surfel.inside.judges.choice`."""
     from surfel.inside.judges import choice
 
-    return choice.choose(operand)
+    return choice.choose(cloud)

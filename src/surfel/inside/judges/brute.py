@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from surfel._numba import inner, rows, threads_for
 from surfel.core.cast import Floats
+from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.judges.nearest import GRAZING, over_plane
 from surfel.inside.judges.verdict import Verdict
 from surfel.inside.operand import Operand
@@ -15,7 +16,7 @@ _STRETCH = 1024  # surfels that stay in the first cache while several places loo
 _PLACES = 32
 
 
-def judge(operand: Operand, queries: ArrayLike) -> Verdict:
+def judge(cloud: Operand | HasOperand, queries: ArrayLike) -> Verdict:
     """Judge places by the nearest surfel, found by looking at all of them: n operations for each place.
 
     The signs are those of :mod:`surfel.inside.judges.nearest` without skipping, except where two surfels are equally
@@ -23,7 +24,7 @@ def judge(operand: Operand, queries: ArrayLike) -> Verdict:
 
     Parameters
     ----------
-    operand : Operand
+    cloud : Operand or Surfels
         The cloud.
     queries : array_like, shape (q, 3)
         Places, in the coordinates of the cloud.
@@ -52,6 +53,7 @@ def judge(operand: Operand, queries: ArrayLike) -> Verdict:
     >>> brute.judge(Operand.of(p, p), [[0.0, 0.0, 0.5], [0.0, 0.0, 1.5]]).inside.tolist()
     [True, False]
     """
+    operand = as_operand(cloud)
     places = operand.local(queries)
     if not len(operand) or not len(places):
         return Verdict.outside(len(places))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.operand import Operand
 
 MANY_FLIPS = 0.1
@@ -29,7 +30,7 @@ class Choice(NamedTuple):
     reason: str
 
 
-def choose(operand: Operand) -> Choice:
+def choose(cloud: Operand | HasOperand) -> Choice:
     """Choose the judge that suits a cloud, from its flipped normals, its noise and its edges, in this order.
 
     A patch whose normals are flipped as a whole contradicts nobody but at its border, and is not seen here; the votes
@@ -37,7 +38,7 @@ def choose(operand: Operand) -> Choice:
 
     Parameters
     ----------
-    operand : Operand
+    cloud : Operand or Surfels
         The cloud.
 
     Returns
@@ -57,6 +58,7 @@ def choose(operand: Operand) -> Choice:
     >>> choose(Operand.of(p, p * np.where(np.arange(4000) % 4, 1.0, -1.0)[:, None])).name
     'indicator'
     """
+    operand = as_operand(cloud)
     flips, noise, sharp = operand.flips, operand.noise, operand.sharp
     if flips >= MANY_FLIPS:
         return Choice("indicator", f"{flips:.0%} of the normals contradict their neighbours: all surfels are asked")

@@ -7,6 +7,7 @@ import math
 from numpy.typing import ArrayLike
 
 from surfel._numba import inner, rows
+from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.judges.nearest import over_plane
 from surfel.inside.judges.skipping import judge_by, look_with
 from surfel.inside.judges.verdict import Verdict
@@ -16,14 +17,14 @@ WIDTH = 0.35
 """Square of the Gaussian's width over the squared distance to the farthest of the neighbours."""
 
 
-def judge(operand: Operand, queries: ArrayLike, *, k: int = 10, skip: bool = True) -> Verdict:
+def judge(cloud: Operand | HasOperand, queries: ArrayLike, *, k: int = 10, skip: bool = True) -> Verdict:
     """Judge places by an implicit function: ``f(x) = sum w_i n_i . (x - p_i) / sum w_i`` over the k nearest surfels.
 
     It smooths: better than single surfels where normals are noisy or some are flipped, worse at sharp edges.
 
     Parameters
     ----------
-    operand : Operand
+    cloud : Operand or Surfels
         The cloud.
     queries : array_like, shape (q, 3)
         Places, in the coordinates of the cloud.
@@ -57,6 +58,7 @@ def judge(operand: Operand, queries: ArrayLike, *, k: int = 10, skip: bool = Tru
     >>> imls.judge(Operand.of(p, p), [[0.0, 0, 0.9], [0, 0, 1.1]]).value.round(1).tolist()
     [-0.1, 0.1]
     """
+    operand = as_operand(cloud)
     return judge_by(look_with(_rule, k), operand, queries, skip=skip)
 
 

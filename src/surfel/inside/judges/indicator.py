@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from surfel._numba import kernel, rows, threads_for
 from surfel.core.cast import Floats, as_count
+from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.judges.verdict import Verdict
 from surfel.inside.operand import Operand
 
@@ -46,7 +47,7 @@ class Indicator(NamedTuple):
     level: float
 
 
-def judge(operand: Operand, queries: ArrayLike, *, cells: int | None = None) -> Verdict:
+def judge(cloud: Operand | HasOperand, queries: ArrayLike, *, cells: int | None = None) -> Verdict:
     """Judge places by an indicator function: of all functions on a grid the one whose gradient fits the normals best.
 
     Every surfel has its say everywhere, so that heavy noise and many flipped normals average out. Details and edges
@@ -54,7 +55,7 @@ def judge(operand: Operand, queries: ArrayLike, *, cells: int | None = None) -> 
 
     Parameters
     ----------
-    operand : Operand
+    cloud : Operand or Surfels
         The cloud.
     queries : array_like, shape (q, 3)
         Places, in the coordinates of the cloud.
@@ -88,6 +89,7 @@ def judge(operand: Operand, queries: ArrayLike, *, cells: int | None = None) -> 
     >>> indicator.judge(Operand.of(p, flipped), [[0.0, 0, 0.7], [0, 0, 1.3]]).inside.tolist()
     [True, False]
     """
+    operand = as_operand(cloud)
     number = None if cells is None else as_count(cells, "cells", 4, 512)
     places = operand.local(queries)
     if not len(operand) or not len(places):

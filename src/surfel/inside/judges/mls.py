@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from surfel.core.cast import Floats
 from surfel.inside import mls as surface
+from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.judges.skipping import Opinion, judge_by
 from surfel.inside.judges.verdict import Verdict
 from surfel.inside.neighbourhood import neighbours_of
@@ -14,7 +15,7 @@ from surfel.inside.operand import Operand
 
 
 def judge(
-    operand: Operand,
+    cloud: Operand | HasOperand,
     queries: ArrayLike,
     *,
     degree: int = 0,
@@ -28,7 +29,7 @@ def judge(
 
     Parameters
     ----------
-    operand : Operand
+    cloud : Operand or Surfels
         The cloud.
     queries : array_like, shape (q, 3)
         Places, in the coordinates of the cloud.
@@ -66,6 +67,7 @@ def judge(
     >>> mls.judge(Operand.of(p, p), [[0.0, 0, 0.9], [0, 0, 1.1]], degree=2, k=20).value.round(1).tolist()
     [-0.1, 0.1]
     """
+    operand = as_operand(cloud)
     if not len(operand):
         return Verdict.outside(len(operand.local(queries)))
     settings = surface.settings_for(operand, degree, h, k, bias, steps)

@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike
 
 from surfel._numba import inlined, rows
 from surfel._vec import dot
+from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.judges.skipping import judge_by, look_with
 from surfel.inside.judges.verdict import Verdict
 from surfel.inside.operand import Operand
@@ -14,7 +15,7 @@ GRAZING = 0.3
 """Sine of the angle at a surfel, over its plane, below which the side of that plane is not certain."""
 
 
-def judge(operand: Operand, queries: ArrayLike, *, skip: bool = True) -> Verdict:
+def judge(cloud: Operand | HasOperand, queries: ArrayLike, *, skip: bool = True) -> Verdict:
     """Judge places by the nearest surfel: inside where ``n . (x - p) < 0``.
 
     Right on smooth surfaces; wrong at sharp edges, where the nearest surfel may belong to the other face, and wherever
@@ -22,7 +23,7 @@ def judge(operand: Operand, queries: ArrayLike, *, skip: bool = True) -> Verdict
 
     Parameters
     ----------
-    operand : Operand
+    cloud : Operand or Surfels
         The cloud.
     queries : array_like, shape (q, 3)
         Places, in the coordinates of the cloud.
@@ -54,6 +55,7 @@ def judge(operand: Operand, queries: ArrayLike, *, skip: bool = True) -> Verdict
     >>> found.inside.tolist(), found.value.tolist()
     ([True, False], [-2.0, 1.0])
     """
+    operand = as_operand(cloud)
     return judge_by(look_with(_rule, 1), operand, queries, skip=skip)
 
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from surfel._numba import inner, rows
 from surfel._vec import dot, norm
+from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.judges.imls import weighted_side
 from surfel.inside.judges.nearest import over_plane
 from surfel.inside.judges.skipping import judge_by, look_with
@@ -25,7 +26,7 @@ WIDTH = 0.5
 """Square of the Gaussian's width over the squared distance to the farthest of the neighbours."""
 
 
-def judge(operand: Operand, queries: ArrayLike, *, k: int = 10, skip: bool = True) -> Verdict:
+def judge(cloud: Operand | HasOperand, queries: ArrayLike, *, k: int = 10, skip: bool = True) -> Verdict:
     """Judge places by the k nearest surfels, split in two where their normals spread.
 
     The nearest surfel leads one cluster and the one whose normal is most unlike leads the other; each surfel follows
@@ -35,7 +36,7 @@ def judge(operand: Operand, queries: ArrayLike, *, k: int = 10, skip: bool = Tru
 
     Parameters
     ----------
-    operand : Operand
+    cloud : Operand or Surfels
         The cloud.
     queries : array_like, shape (q, 3)
         Places, in the coordinates of the cloud.
@@ -71,6 +72,7 @@ def judge(operand: Operand, queries: ArrayLike, *, k: int = 10, skip: bool = Tru
     >>> found.inside.tolist()
     [True, False]
     """
+    operand = as_operand(cloud)
     return judge_by(look_with(_rule, k), operand, queries, skip=skip)
 
 

@@ -6,13 +6,14 @@ from numpy.typing import ArrayLike
 
 from surfel._numba import inner, rows
 from surfel._vec import dot
+from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.judges.nearest import over_plane
 from surfel.inside.judges.skipping import judge_by, look_with
 from surfel.inside.judges.verdict import Verdict
 from surfel.inside.operand import Operand
 
 
-def judge(operand: Operand, queries: ArrayLike, *, skip: bool = True) -> Verdict:
+def judge(cloud: Operand | HasOperand, queries: ArrayLike, *, skip: bool = True) -> Verdict:
     """Judge places by the two nearest surfels.
 
     Where both say the same, that; where not, a place is inside of a convex pair if it is behind both planes, and
@@ -20,7 +21,7 @@ def judge(operand: Operand, queries: ArrayLike, *, skip: bool = True) -> Verdict
 
     Parameters
     ----------
-    operand : Operand
+    cloud : Operand or Surfels
         The cloud.
     queries : array_like, shape (q, 3)
         Places, in the coordinates of the cloud.
@@ -50,6 +51,7 @@ def judge(operand: Operand, queries: ArrayLike, *, skip: bool = True) -> Verdict
     >>> two_nearest.judge(roof, [[-0.2, 0, 0.7], [0.2, 0, 0.5]]).inside.tolist()
     [False, True]
     """
+    operand = as_operand(cloud)
     return judge_by(look_with(_rule, 2), operand, queries, skip=skip)
 
 

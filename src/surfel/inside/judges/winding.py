@@ -13,6 +13,7 @@ from surfel.core.cast import Floats, as_positive
 from surfel.core.errors import InputError
 from surfel.index.blocks import BLOCK, WIDTH
 from surfel.index.hilbert import hilbert_order
+from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.judges.verdict import Verdict
 from surfel.inside.operand import Operand
 
@@ -54,14 +55,14 @@ class DipoleTree(NamedTuple):
     scale: float
 
 
-def judge(operand: Operand, queries: ArrayLike, *, beta: float = 2.0) -> Verdict:
+def judge(cloud: Operand | HasOperand, queries: ArrayLike, *, beta: float = 2.0) -> Verdict:
     """Judge places by the winding number ``w(x) = sum a_i n_i . (p_i - x) / (4 pi |p_i - x|^3)``: inside above 1/2.
 
     It looks at all surfels, and so stands flipped normals and holes; it is rough within a spacing of the surface.
 
     Parameters
     ----------
-    operand : Operand
+    cloud : Operand or Surfels
         The cloud.
     queries : array_like, shape (q, 3)
         Places, in the coordinates of the cloud.
@@ -93,6 +94,7 @@ def judge(operand: Operand, queries: ArrayLike, *, beta: float = 2.0) -> Verdict
     >>> winding.judge(Operand.of(p, p), [[0.0, 0, 0.5], [0, 0, 1.5]]).inside.tolist()
     [True, False]
     """
+    operand = as_operand(cloud)
     value = 0.5 - winding_numbers(operand, queries, beta=beta)
     return Verdict.of(value, np.abs(value) > 0.25)
 
