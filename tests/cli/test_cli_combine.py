@@ -100,3 +100,12 @@ def test_refusals_are_one_line_and_write_nothing(folder, tmp_path, capsys, monke
     error = capsys.readouterr().err
     assert error.startswith("surfel: ") and error.count("\n") == 1 and cure in error
     assert list(tmp_path.iterdir()) == []
+
+
+def test_measure_takes_a_tree_of_clouds(folder, capsys):
+    """What two scans differ by: a .csg with import() of both."""
+    path = folder / "difference.csg"
+    path.write_text('difference() { import("a.ply"); import("b.ply"); }')
+    assert main(["measure", str(path), "--json", "--quiet"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["volume"]["value"] == pytest.approx(BALL - LENS, rel=0.005) and len(told["areas"]) == 2

@@ -31,7 +31,7 @@ def test_a_file_becomes_a_picture(files, capsys):
 def test_files_are_combined_or_shown_together(files, capsys):
     shares = {}
     for name, more in {"together": [], "cut": ["--op", "difference"], "common": ["--op", "intersection"]}.items():
-        view = ["--eye", "2.2", "-2.9", "1.7", "--target", "0", "0", "0", "--size", "80x60"]
+        view = ["--eye", "4", "0.5", "0", "--target", "0", "0", "0", "--size", "80x60"]
         assert main(["render", "ball.ply", "bite.ply", "-o", f"{name}.png", *view, "--json", *more]) == 0
         shares[name] = json.loads(capsys.readouterr().out)["covered"]
     assert shares["common"] < shares["cut"] < shares["together"]

@@ -7,10 +7,13 @@ from typing import Annotated
 import typer
 
 from surfel.cli.bound import bound
+from surfel.cli.combine import combine
 from surfel.cli.demo import demo
 from surfel.cli.files import convert, info
 from surfel.cli.measure import measure
+from surfel.cli.render import render
 from surfel.cli.sampling import sample
+from surfel.cli.view import view
 
 app = typer.Typer(
     name="surfel",
@@ -20,10 +23,13 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command()(measure)
+app.command()(combine)
 app.command()(bound)
+app.command()(render)
 app.command()(info)
 app.command()(convert)
 app.command()(sample)
+app.command()(view)
 app.command()(demo)
 
 

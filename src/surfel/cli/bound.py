@@ -100,7 +100,7 @@ def _check(out: str, side: str, mode: str, boundary: str, plot: str | None) -> N
         except ImportError as error:
             raise MissingExtraError("rhino3dm", "cad") from error
     if plot is not None:
-        from surfel.cli.plot import require_matplotlib
+        from surfel.core.figure import require_matplotlib
 
         require_matplotlib()
 

@@ -63,7 +63,7 @@ def measure(
     seed = as_seed(seed)
     _check_choices(method, model, sequence, cells, density)
     if plot is not None:
-        from surfel.cli.plot import require_matplotlib
+        from surfel.core.figure import require_matplotlib
 
         require_matplotlib()
 

@@ -18,16 +18,6 @@ _SEEN_FROM = (0.5, -0.75, 0.6)
 _LIT_FROM = (-0.15, -0.6, 0.8)
 
 
-def require_matplotlib() -> None:
-    """Raise MissingExtraError unless matplotlib can be imported."""
-    from surfel.core.errors import MissingExtraError
-
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError("matplotlib", "plot") from error
-
-
 def draw_measurement(shape: Shape, result: Measurement, file: str, units: str, target: str) -> None:
     """Write the picture as PNG; the target is replaced at once or left as it was.
 
@@ -42,14 +32,12 @@ def draw_measurement(shape: Shape, result: Measurement, file: str, units: str, t
     target : str
         The PNG file.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
+    from surfel.core.figure import new_figure
     from surfel.io.atomic import replacing
+    from surfel.measuring.figures import draw_intervals
     from surfel.shapes.surfels import Surfels
 
-    figure = Figure(figsize=(13.0, 4.2), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(13.0, 4.2)
     patches = shape.patches(_DOTS)
     if isinstance(shape, Surfels):  # the elements of a mesh are samples that we chose, and all of one size
         picture, spread, intervals = figure.subplots(1, 3)
@@ -57,7 +45,7 @@ def draw_measurement(shape: Shape, result: Measurement, file: str, units: str, t
     else:
         picture, intervals = figure.subplots(1, 2)
     _draw_surface(picture, patches)
-    _draw_intervals(intervals, result, units)
+    draw_intervals(intervals, result, units)
     figure.suptitle(shown(file), fontsize=10, parse_math=False)
     with replacing(target) as beside:
         figure.savefig(beside, format="png", dpi=110)
@@ -104,23 +92,3 @@ def _draw_areas(axes: Any, patches: Patches) -> None:
     axes.set_ylabel("elements", fontsize=8)
     axes.tick_params(labelsize=8)
     axes.set_title("how their areas spread" + (f"; {without:,} have none" if without else ""), fontsize=9)
-
-
-def _draw_intervals(axes: Any, result: Measurement, units: str) -> None:
-    """Draw each scalar's 95 % interval as percents of its value."""
-    drawn = []
-    for name, estimate, power in (("area", result.area, 2), ("volume", result.volume, 3)):
-        if estimate is None:
-            continue
-        value, (low, high) = float(estimate.value), estimate.interval(0.95)
-        if value > 0.0 and math.isfinite(high - low):
-            label = f"{name}\n{estimate}" + (f" {units}^{power}" if units else "")
-            drawn.append((label, 100.0 * (high - low) / 2.0 / value))
-    for row, (label, half) in enumerate(drawn):
-        axes.errorbar([0.0], [-row], xerr=[half], fmt="o", color="0.2", capsize=4)
-        axes.text(0.0, -row + 0.12, label, ha="center", va="bottom", fontsize=8, parse_math=False)
-    axes.set_ylim(-max(1, len(drawn)) + 0.5, 0.7)
-    axes.set_yticks([])
-    axes.tick_params(labelsize=8)
-    axes.set_xlabel("percent of the value", fontsize=8)
-    axes.set_title("95 % intervals" if drawn else "no interval is known", fontsize=9)

@@ -1,0 +1,113 @@
+"""``surfel render``: a picture of one file, or of several in one Boolean expression."""
+
+from __future__ import annotations
+
+import re
+from functools import reduce
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from surfel.cli.options import AsJson, Quiet, ReadAs, as_form
+
+if TYPE_CHECKING:
+    from surfel.rendering.camera import Camera
+    from surfel.rendering.scene import Scene
+    from surfel.shapes.base import Shape
+
+OPERATIONS = ("union", "intersection", "difference")
+_SIZE = re.compile(r"(\d+)[xX](\d+)")
+
+
+def render(
+    files: Annotated[list[str], typer.Argument(metavar="FILE ...", help="Clouds, meshes or CSG trees.")],
+    out: Annotated[str, typer.Option("--out", "-o", metavar="PNG", help="The picture; the suffix tells the format.")],
+    size: Annotated[str, typer.Option(metavar="WxH", help="Width and height in pixels.")] = "1024x768",
+    op: Annotated[
+        str | None,
+        typer.Option(metavar="|".join(OPERATIONS), help="Combine the files; by default they are shown together."),
+    ] = None,
+    as_: ReadAs = None,
+    eye: Annotated[
+        tuple[float, float, float] | None, typer.Option(metavar="X Y Z", help="Where the camera is.")
+    ] = None,
+    target: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(metavar="X Y Z", help="What it looks at, if not the middle."),
+    ] = None,
+    orthographic: Annotated[bool, typer.Option("--orthographic", help="Parallel lines of sight.")] = False,
+    reference: Annotated[bool, typer.Option("--reference", help="Cast every line of sight: slow, the truth.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Take a picture: of a file, of several together, or of what a Boolean operation makes of them."""
+    from surfel.cli.output import Output
+
+    form, measures = as_form(as_), _size_of(size)
+    _check_operation(op, len(files))
+    import surfel
+
+    with Output(as_json, quiet) as output:
+        with output.work() as progress:
+            progress(0.0, "reading")
+            shapes = [surfel.read(file, as_=form) for file in files]
+            shown = [_combined(op, shapes)] if op is not None else shapes
+            progress(0.5, "drawing")
+            camera = _camera_of(shown, measures, eye, target, orthographic)
+            image = surfel.render(shown, camera, measures, orthographic=orthographic, reference=reference)
+            image.save(out)
+        data = {"size": list(image.size), "covered": image.covered, "seconds": image.seconds}
+        output.facts(data, out)
+
+
+def _size_of(text: str) -> tuple[int, int]:
+    from surfel.core.errors import InputError
+    from surfel.rendering.camera import as_size
+
+    found = _SIZE.fullmatch(text)
+    if found is None:
+        raise InputError(f"--size must be width x height, as in 1024x768; got {text!r}")
+    return as_size((int(found[1]), int(found[2])))
+
+
+def _check_operation(op: str | None, files: int) -> None:
+    """Refuse a wrong operation before large files are read."""
+    from surfel.core.cast import as_choice
+    from surfel.core.errors import InputError
+
+    if op is not None:
+        as_choice(op, "--op", OPERATIONS)
+        if files < 2:
+            raise InputError(f"--op {op} needs at least two files; got {files}")
+
+
+def _combined(op: str, shapes: list[Shape]) -> Shape:
+    from operator import and_, or_, sub
+
+    function = {"union": or_, "intersection": and_, "difference": sub}[op]
+    result: Shape = reduce(function, shapes)
+    return result
+
+
+def _camera_of(
+    shapes: list[Shape],
+    size: tuple[int, int],
+    eye: tuple[float, float, float] | None,
+    target: tuple[float, float, float] | None,
+    orthographic: bool,
+) -> Camera | None:
+    """Return the camera that was asked for; None for the fitted one."""
+    if eye is None and target is None:
+        return None
+    from surfel.core.errors import InputError
+    from surfel.rendering.camera import Camera
+    from surfel.rendering.scene import Scene
+
+    if eye is None:
+        raise InputError("--target needs --eye: where the camera is")
+    return Camera(eye, target if target is not None else _middle_of(Scene(shapes)), orthographic=orthographic)
+
+
+def _middle_of(scene: Scene) -> tuple[float, float, float]:
+    x, y, z = scene.middle.tolist()
+    return x, y, z

@@ -1,0 +1,44 @@
+"""``surfel view``: solids in the browser, to be moved by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from surfel.cli.options import Quiet, ReadAs, as_form
+
+
+def view(
+    files: Annotated[list[str], typer.Argument(metavar="FILE ...", help="Clouds, meshes and CSG trees.")],
+    as_: ReadAs = None,
+    html: Annotated[
+        str | None, typer.Option(metavar="OUT", help="Write one page that needs no server, in place of serving one.")
+    ] = None,
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Which address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(metavar="P", help="Where; the next free port where that one is taken.")] = 8080,
+    open_: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
+    quiet: Quiet = False,
+) -> None:
+    """Show solids in the browser, where they can be moved and combined; area and volume follow."""
+    from surfel.cli.output import Output
+
+    form = as_form(as_)
+
+    import surfel
+
+    with Output(False, quiet) as output:
+        with output.work():
+            shapes = [surfel.read(file, as_=form) for file in files]
+        names = [Path(file).stem for file in files]
+        if html is not None:
+            from surfel.viewer.view import write_html
+
+            write_html(shapes, html, names=names)
+            output.note(f"wrote {html}")
+            return
+        viewer = surfel.view(shapes, names=names, host=host, port=port, browser=open_)
+        typer.echo(viewer.url)
+        output.note("Ctrl-C ends it")
+    viewer.wait()

@@ -1,0 +1,1 @@
+"""Pictures of shapes: cameras, splats, cast lines, CSG decided once a pixel, light."""

@@ -1,0 +1,165 @@
+"""The methods of the literature, as published, for comparison: Wicke's clip buffer and alpha-blended quads."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel._numba import rows, threads_for
+from surfel.core.cast import Booleans
+from surfel.rendering.clip_buffer import Lists, layers_of, lists_at
+from surfel.rendering.fragments import Fragments
+from surfel.rendering.frame import CENTRE, Frame, Places
+from surfel.rendering.raster import BLEND, EDGE, NOTHING, Disks, draw
+from surfel.rendering.verdicts import kept, sides_of
+
+_SIDE_UNKNOWN = np.uint8(255)
+_ZERO, _ONE, _FOUR, _INF = np.float32(0.0), np.float32(1.0), np.float32(4.0), np.float32(np.inf)
+
+
+class ClipBuffer(Frame):
+    """Wicke et al., *CSG-Tree Rendering for Point-Sampled Objects*, 2004; Gaal, sec. 4.3.
+
+    Surfels are classified (on the result, inside edge, outside edge, outside); edge surfels go to a clip buffer, where
+    every fragment is clipped by the plane of the surfel of each other solid that lies nearest on the same pixel. A
+    solid without a surfel there is judged at the centre of the surfel.
+    """
+
+    def _clouds_at(self, places: Places) -> Fragments:
+        lists = lists_at(self.disks, self.placed, self.motions, self.view, places.pixels, places.offsets)
+        self._clip(lists)
+        plain = self.disks._replace(flags=self.disks.flags & np.uint8(255 - EDGE))
+        layers = layers_of(plain, self.placed, lists)
+        return self._first_of(layers, np.arange(layers.winner.shape[1]) < layers.number[:, None])
+
+    def _clip(self, lists: Lists) -> None:
+        """Take out the fragments of edge surfels that their partners on the same pixel clip."""
+        row = np.repeat(lists.starts[:-1], lists.counts)
+        row = row + np.arange(len(row)) - np.repeat(np.cumsum(lists.counts) - lists.counts, lists.counts)
+        edge = row[self.disks.flags[lists.who[row]] & EDGE != 0]
+        leaf = self.disks.leaf[lists.who[edge]]
+        good = np.ones(len(edge), np.bool_)
+        for k in np.unique(leaf):
+            item, of = self.scene.item_of(int(k)), np.flatnonzero(leaf == k)
+            assert item.rule is not None  # only trees have edges
+            who = lists.who[edge[of]]
+            points = self.disks.points[who] + self.scene.origins[k]
+            normals = self.disks.normals[who].astype(np.float64)
+            sides = {}
+            for j, other in enumerate(item.leaves):
+                if j + item.first == k or j in item.rule.sheets:
+                    continue
+                found = np.full(len(lists.who), _SIDE_UNKNOWN)
+                with threads_for(100 * len(lists.counts)):
+                    _partners(
+                        len(lists.counts), lists, self.disks.leaf, self.placed.label, np.int64(k),
+                        np.int64(j + item.first), found,
+                    )  # fmt: skip
+                here = found[edge[of]]
+                unknown = np.flatnonzero(here == _SIDE_UNKNOWN)
+                here[unknown] = sides_of(other, points[unknown], normals[unknown], self.scene.reach)
+                sides[j] = here
+            good[of] = item.rule.keeps(int(k) - item.first, dict(sides), len(of)) != 0
+        lists.who[edge[~good]] = -1
+
+
+class Quads(Frame):
+    """Gaal, sec. 7: each surfel is kept or dropped as a whole, and drawn as a textured quad in two passes.
+
+    The first pass fills the depth buffer. The second blends, surfel after surfel, what passes the test of depth, each
+    over what is there, with the Gaussian of its texture for its opacity; outside the disk the texture is clear.
+    """
+
+    @cached_property
+    def disks(self) -> Disks:
+        """The surfels whose centres the trees keep."""
+        disks = self.scene.disks
+        edge = disks.flags & EDGE != 0
+        good: Booleans = ~edge
+        for k in np.unique(disks.leaf[edge]):
+            item, of = self.scene.item_of(int(k)), np.flatnonzero(edge & (disks.leaf == k))
+            points = disks.points[of] + self.scene.origins[k]
+            normals = disks.normals[of].astype(np.float64)
+            good[of] = kept(item, int(k) - item.first, points, normals, self.scene.reach)
+        clips = np.diff(disks.clips)
+        planes = disks.planes[np.repeat(good, clips)]
+        starts = np.concatenate([[0], np.cumsum(clips[good])]).astype(np.int32)
+        chosen = {name: getattr(disks, name)[good] for name in disks._fields if name not in ("clips", "planes", "axes")}
+        chosen["flags"] = chosen["flags"] & np.uint8(255 - EDGE)
+        axes = disks.axes[good] if len(disks.axes) else disks.axes
+        return Disks(**chosen, clips=starts, planes=planes, axes=axes)
+
+    def grid(self) -> Fragments:
+        """Return what is seen at the centre of every pixel, row after row."""
+        seen = super().grid()
+        if self.scene.splats:
+            _, state = draw(self.disks, self.placed, self.motions, self.view)
+            pixels = np.flatnonzero((state.ravel() != NOTHING) & (seen.row >= 0))
+            blended = self._clouds_at(Places(pixels, CENTRE))
+            seen.normal[pixels], seen.color[pixels] = blended.normal, blended.color
+        return seen
+
+    def _clouds_at(self, places: Places) -> Fragments:
+        lists = lists_at(self.disks, self.placed, self.motions, self.view, places.pixels, places.offsets)
+        seen = Fragments.nothing(len(lists.counts))
+        with threads_for(100 * len(seen)):
+            _blend_over(len(seen), lists, self.disks, self.placed.record, *_columns(seen))
+        back = seen.normal[:, 2] > 0.0
+        seen.normal[back] = -seen.normal[back]
+        return seen
+
+
+def _columns(seen: Fragments) -> tuple[NDArray[np.float32] | NDArray[np.int32], ...]:
+    return seen.depth, seen.normal, seen.color, seen.leaf, seen.row
+
+
+@rows
+def _partners(first, last, lists, leaf, label, own, other, sides):
+    """Tell on which side of its nearest partner each fragment of ``own`` lies: 3 inside ``other``, 0 outside."""
+    starts, counts, z, _, who = lists
+    for line in range(first, last):
+        for a in range(starts[line], starts[line] + counts[line]):
+            if leaf[who[a]] != own:
+                continue
+            nearest = _INF
+            for b in range(starts[line], starts[line] + counts[line]):
+                if leaf[who[b]] == other and abs(z[a] - z[b]) < nearest:
+                    nearest = abs(z[a] - z[b])
+                    faces = label[who[b]] & 1 == 0
+                    sides[a] = 3 if (z[a] > z[b]) == faces else 0
+
+
+@rows
+def _blend_over(first, last, lists, disks, record, depth, normal, color, out_leaf, out_row):
+    starts, counts, z, weight, who = lists
+    for line in range(first, last):
+        begin, end = starts[line], starts[line] + counts[line]
+        nearest, lead = _INF, -1
+        for a in range(begin, end):
+            if z[a] < nearest or (z[a] == nearest and who[a] < lead):
+                nearest, lead = z[a], who[a]
+        if lead < 0:
+            continue
+        depth[line], out_leaf[line], out_row[line] = nearest, disks.leaf[lead], disks.row[lead]
+        nx, ny, nz = record[lead, 4], record[lead, 5], record[lead, 6]
+        red, green, blue = (
+            np.float32(disks.colors[lead, 0]), np.float32(disks.colors[lead, 1]), np.float32(disks.colors[lead, 2])
+        )  # fmt: skip
+        for a in range(begin, end):
+            i = who[a]
+            if z[a] > nearest + BLEND * record[i, 8]:
+                continue
+            opacity = math.exp(-_FOUR * (_ONE - math.sqrt(weight[a])))  # the weight is (1 - u)^2
+            nx += opacity * (record[i, 4] - nx)
+            ny += opacity * (record[i, 5] - ny)
+            nz += opacity * (record[i, 6] - nz)
+            red += opacity * (np.float32(disks.colors[i, 0]) - red)
+            green += opacity * (np.float32(disks.colors[i, 1]) - green)
+            blue += opacity * (np.float32(disks.colors[i, 2]) - blue)
+        length = math.sqrt(nx * nx + ny * ny + nz * nz)
+        if length > _ZERO:
+            normal[line, 0], normal[line, 1], normal[line, 2] = nx / length, ny / length, nz / length
+        color[line, 0], color[line, 1], color[line, 2] = red, green, blue

@@ -1,0 +1,134 @@
+"""Survivors: of each cloud in a tree, which surfels are seen for certain, and which a cut may pass.
+
+Two leaves are compared once, and the answer is kept while both live. So a moving camera reuses everything, and a tree
+that is built anew over the same leaves, or with one leaf moved, only what has changed.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surfel.core.cast import Booleans, Floats
+from surfel.core.errors import InputError
+from surfel.inside.classes import IN, ON_OPPOSED, ON_SAME
+from surfel.rendering.bits import Beside, Bits, survival
+from surfel.rendering.splats import AROUND, Splats, splats_of
+from surfel.shapes.base import Shape
+from surfel.shapes.surfels import Surfels
+from surfel.shapes.tree import Tree
+
+if TYPE_CHECKING:
+    from surfel.rendering.scene import Item
+
+_RING = 1.15  # a polygon of eight corners on this circle holds the disk
+_COMMON = 0.99  # share of the radii that a classifier is asked to reach for; larger disks count as near
+
+
+class Survivors(NamedTuple):
+    """Rows of a cloud's splats that may be seen."""
+
+    rows: NDArray[np.int64]
+    edge: Booleans
+    """Of these, which a cut may pass."""
+
+    @classmethod
+    def all(cls, count: int) -> Survivors:
+        """Return that everything is seen."""
+        return cls(np.arange(count), np.zeros(count, np.bool_))
+
+
+_pairs: WeakKeyDictionary[Surfels, WeakKeyDictionary[Shape, Beside]] = WeakKeyDictionary()
+_lock = threading.RLock()
+
+
+def survivors_of(item: Item, leaf: int) -> Survivors:
+    """Return what survives of a cloud in its tree."""
+    cloud, tree, rule = item.leaves[leaf], item.shape, item.rule
+    assert isinstance(cloud, Surfels) and isinstance(tree, Tree) and rule is not None
+    splats = splats_of(cloud)
+    if splats is None:
+        return Survivors.all(0)
+    beside = {}
+    for k, other in enumerate(item.leaves):
+        if other is not cloud:
+            beside[id(other)] = (
+                Beside.constant(False, len(splats)) if k in rule.sheets else _beside(cloud, splats, other)
+            )
+    surely, perhaps = survival(tree, cloud, beside, len(splats), sheet=leaf in rule.sheets)
+    rows = np.flatnonzero(surely | perhaps)
+    return Survivors(rows, perhaps[rows])
+
+
+def _beside(cloud: Surfels, splats: Splats, other: Shape) -> Beside:
+    """Return which surfels of a cloud lie inside another leaf; not known where its surface is near."""
+    with _lock:
+        known = _pairs.setdefault(cloud, WeakKeyDictionary())
+        if other not in known:
+            known[other] = _in_cloud(cloud, splats, other) if isinstance(other, Surfels) else _in_solid(splats, other)
+        return known[other]
+
+
+def _in_cloud(cloud: Surfels, splats: Splats, other: Surfels) -> Beside:
+    """Ask the classifier of the other cloud, block by block; within a patch where both coincide all is known."""
+    n = len(splats)
+    if not len(other):
+        return Beside.constant(False, n)
+    reach = float(np.quantile(splats.radii, _COMMON))
+    operand = cloud.operand
+    found = other.classifier.classify(operand, reach=reach)
+    kind, near = np.empty(n, np.int8), np.empty(n, np.bool_)
+    kind[operand.order] = found.kind
+    near[operand.order] = found.near | (found.kind > IN)
+    order = splats.index.order
+    kind, near = kind[order], near[order] | (splats.radii > reach)
+    on = kind > IN
+    if on.any() and n > AROUND:
+        rows = np.flatnonzero(on)
+        on[rows] = (kind[splats.index.knn(AROUND, rows)[1]] == kind[rows, None]).all(axis=1)
+    else:
+        on[:] = False
+    inside, unsure = kind == IN, near & ~on
+    below, above = inside | (on & (kind == ON_SAME)), inside | (on & (kind == ON_OPPOSED))
+    return Beside(_bits(below, unsure), _bits(above, unsure), on)
+
+
+def _in_solid(splats: Splats, other: Shape) -> Beside:
+    """Ask an exact solid for a ring of places round each disk that its box comes near."""
+    n = len(splats)
+    points = splats.index.points + splats.index.origin
+    inside, near = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    try:
+        box = np.asarray(other.bounds)
+    except InputError:  # a mesh without triangles
+        return Beside.constant(False, n)
+    wide = _RING * splats.radii[:, None]
+    some = np.flatnonzero(((points >= box[0] - wide) & (points <= box[1] + wide)).all(axis=1))
+    if not len(some):
+        return Beside.constant(False, n)
+    inside[some] = other._contains(points[some])
+    u, v = frames(splats.normals[some])
+    for k in range(8):
+        angle = 0.25 * np.pi * k
+        off = np.cos(angle) * u + np.sin(angle) * v
+        near[some] |= other._contains(points[some] + wide[some] * off) != inside[some]
+    found = _bits(inside, near)
+    return Beside(found, found, np.zeros(n, np.bool_))
+
+
+def _bits(inside: Booleans, near: Booleans) -> Bits:
+    return Bits(inside & ~near, inside | near)
+
+
+def frames(normals: Floats) -> tuple[Floats, Floats]:
+    """Return two unit vectors across each normal (Duff et al., as in :func:`surfel._vec.tangent_frame`)."""
+    x, y, z = normals.T
+    sign = np.where(z >= 0.0, 1.0, -1.0)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    first = np.column_stack([1.0 + sign * x * x * a, sign * b, -sign * x])
+    return first, np.column_stack([b, sign + y * y * a, -y])
