@@ -1,0 +1,140 @@
+"""Stage: solids that can be moved and combined anew; it knows nothing of browsers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from surfel.core.affine import as_affine
+from surfel.core.cast import Floats, as_choice, read_only
+from surfel.core.errors import InputError
+from surfel.rendering.shown import as_shapes
+from surfel.shapes.base import Shape
+from surfel.shapes.surfels import Surfels
+from surfel.shapes.tree import Difference, Intersection, Tree, Union
+
+OPERATIONS: dict[str, type[Tree]] = {"union": Union, "intersection": Intersection, "difference": Difference}
+
+
+@dataclass(eq=False)
+class Part:
+    """A solid on the stage: what it is, and how it was moved."""
+
+    name: str
+    shape: Shape
+    pose: Floats = field(default_factory=lambda: np.eye(4))
+
+    @property
+    def moved(self) -> Shape:
+        """The shape where it is now."""
+        return self.shape if np.array_equal(self.pose, np.eye(4)) else self.shape.transformed(self.pose)
+
+
+@dataclass(eq=False)
+class Join:
+    """A node of the expression: an operation over parts and other nodes."""
+
+    operation: str
+    children: list[Part | Join]
+
+    def parts(self) -> Iterator[Part]:
+        """Return the parts below, from left to right; one that occurs twice comes twice."""
+        for child in self.children:
+            yield from child.parts() if isinstance(child, Join) else [child]
+
+
+class Stage:
+    """Parts, how they are joined, and where each of them is.
+
+    Parameters
+    ----------
+    shapes : Shape or iterable of Shape
+        A tree, of which every leaf becomes a part; a leaf; or several of these, joined one after the other.
+    names : sequence of str, optional
+        What the parts are called; by default by their kind and number.
+
+    Raises
+    ------
+    InputError
+        If something is no shape, or there is none.
+    """
+
+    def __init__(self, shapes: Any, names: Iterable[str] = ()) -> None:
+        self.parts: list[Part] = []
+        self.root: Part | Join | None = None
+        self._known: dict[int, Part] = {}
+        given = iter(names)
+        for shape in as_shapes(shapes):
+            self.add(shape, next(given, ""))
+        if self.root is None:
+            raise InputError("there is nothing to see: give a shape, a tree of shapes, or several of them")
+
+    def add(self, shape: Shape, name: str = "", operation: str = "union") -> None:
+        """Join one more shape to what is there."""
+        added = self._taken(shape, name)
+        self.root = added if self.root is None else Join(_operation(operation), [self.root, added])
+
+    @property
+    def joins(self) -> list[Join]:
+        """The nodes of the expression, outermost first."""
+        found: list[Join] = []
+        waiting = [self.root]
+        while waiting:
+            node = waiting.pop()
+            if isinstance(node, Join):
+                found.append(node)
+                waiting += reversed(node.children)
+        return found
+
+    def switch(self, number: int, operation: str) -> None:
+        """Change the operation of a node."""
+        self.joins[number].operation = _operation(operation)
+
+    def move(self, number: int, pose: ArrayLike) -> None:
+        """Put a part where a rigid motion takes it from where it came."""
+        self.parts[number].pose = read_only(as_affine(pose).copy())
+
+    def tree(self) -> Shape:
+        """Return the expression as it stands, every part where it is now."""
+        return self._built({id(part): part.moved for part in self.parts})
+
+    def bare(self) -> Shape:
+        """Return the expression over the parts as they came: its logic, whatever was moved."""
+        return self._built({id(part): part.shape for part in self.parts})
+
+    def _built(self, shapes: dict[int, Shape]) -> Shape:
+        def build(node: Part | Join) -> Shape:
+            if isinstance(node, Part):
+                return shapes[id(node)]
+            return OPERATIONS[node.operation](*(build(child) for child in node.children))
+
+        assert self.root is not None
+        return build(self.root)
+
+    def _taken(self, shape: Shape, name: str) -> Part | Join:
+        """Turn a tree into nodes and its leaves into parts; a leaf that occurs twice is one part."""
+        if isinstance(shape, Tree):
+            return Join(shape.operation, [self._taken(child, "") for child in shape.children])
+        if id(shape) not in self._known:
+            self._known[id(shape)] = Part(self._free(name or _kind(shape)), shape)
+            self.parts.append(self._known[id(shape)])
+        return self._known[id(shape)]
+
+    def _free(self, name: str) -> str:
+        taken = {part.name for part in self.parts}
+        if name not in taken:
+            return name
+        return next(f"{name} {k}" for k in range(2, len(taken) + 3) if f"{name} {k}" not in taken)
+
+
+def _operation(name: str) -> str:
+    return as_choice(name, "operation", tuple(OPERATIONS))
+
+
+def _kind(shape: Shape) -> str:
+    inner = getattr(shape, "shape", shape)
+    return "cloud" if isinstance(inner, Surfels) else type(inner).__name__.lower()
