@@ -1,4 +1,4 @@
-"""``python -m benchmarks accuracy|coverage|speed|peers|papers|judges|spaces|scans|files|fuzz``: figures beside aims."""
+"""``python -m benchmarks accuracy|coverage|speed|peers|papers|judges|render|...``: what is reached, beside aims."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    names = "accuracy|coverage|speed|peers|papers|judges|spaces|scans|files|fuzz"
+    names = "accuracy|coverage|speed|peers|papers|judges|spaces|scans|render|files|fuzz"
     commands = parser.add_subparsers(required=True, metavar=names)
     _add_accuracy(commands.add_parser("accuracy", help="errors and intervals of areas, volumes and centroids"))
     _add_coverage(commands.add_parser("coverage", help="how often intervals hold the truth"))
@@ -28,6 +28,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_spaces(commands.add_parser("spaces", help="the coloured grid beside octrees: wrong answers and times"))
     _add_scans(commands.add_parser("scans", help="areas and volumes of differences of two clouds"))
+    _add_render(commands.add_parser("render", help="pictures: frame times, edges of cuts, and the reference"))
     _add_files(commands.add_parser("files", help="reading and writing beside other libraries"))
     _add_fuzz(commands.add_parser("fuzz", help="damaged files through every reader"))
     return parser
@@ -260,6 +261,19 @@ def _scans(chosen: argparse.Namespace) -> int:
     from benchmarks.tables import publish
 
     publish(scans.report(list(scans.run(chosen.quick))), chosen.out)
+    return 0
+
+
+def _add_render(parser: argparse.ArgumentParser) -> None:
+    _common(parser)
+    parser.set_defaults(run=_render)
+
+
+def _render(chosen: argparse.Namespace) -> int:
+    from benchmarks import render
+    from benchmarks.tables import publish
+
+    publish(render.report(chosen.quick), chosen.out)
     return 0
 
 

@@ -164,7 +164,7 @@ def fig_10(figure: Any) -> None:
 
 def _show_aslant(axes: Any, fitted: surfel.SafeSpline, points: np.ndarray, **view: float) -> None:
     """Draw a trimmed surface and points from the side."""
-    from surfel.cli.plot_bound import draw_surfaces
+    from surfel.bounding.figures import draw_surfaces
 
     uv, heights = fitted.to_domain(points)
     draw_surfaces(axes, [fitted], uv, heights)
@@ -188,7 +188,7 @@ def fig_11(figure: Any) -> None:
 
 def fig_12(figure: Any) -> None:
     """Draw slices through the sandwich round the bunny's range scan."""
-    from surfel.cli.plot_bound import draw_slice
+    from surfel.bounding.figures import draw_slice
 
     points = bunny()
     splines = list(surfel.sandwich(points, shape=(30, 30)))

@@ -100,8 +100,8 @@ def report(rows: list[Row]) -> str:
         "# Scans: what one cloud has and another has not\n",
         __doc__ or "",
         "`surfel.measure` of trees of two clouds of random surfels with normals. Errors in percent of the truth, "
-        "beside the standard errors that came with the values; seconds with all that is learnt from the clouds, for the first "
-        "tree of each pair.\n",
+        "beside the standard errors that came with the values; seconds with all that is learnt from the clouds, for "
+        "the first tree of each pair.\n",
         table(["clouds", "surfels each", "area", "told", "volume", "told", "seconds"], lines),
     ]
     for surfels in sorted({row.surfels for row in rows}):

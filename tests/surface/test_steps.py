@@ -7,7 +7,8 @@ import pytest
 
 import shapes_with_truth as truth
 from surfel.surface.neighbourhoods import Neighbourhoods
-from surfel.surface.steps import LEAST_PAIRS, step_level
+from surfel.surface.patches import local_patches
+from surfel.surface.steps import DENIED_BELOW, LEAST_PAIRS, faces_one_way, given_level, step_level
 
 
 def level_of(points: np.ndarray) -> float:
@@ -42,10 +43,46 @@ def test_even_points_have_no_close_pairs():
     assert level_of(truth.sphere(5, 1).points) == 0.0
 
 
-def test_two_sheets_half_a_spacing_apart_are_no_noise():
+def sheets(gap: float, up: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return two squares ``gap`` spacings apart, the lower one facing down, the upper one along ``up``."""
     lower, upper = truth.square(6000, 1), truth.square(6000, 2)
-    apart = 0.5 * lower.spacing
-    assert level_of(np.concatenate([lower.points, upper.points + [0.0, 0.0, apart]])) < 0.006
+    points = np.concatenate([lower.points, upper.points + [0.0, 0.0, gap * lower.spacing]])
+    return points, np.repeat([[0.0, 0.0, -1.0], [0.0, 0.0, up]], 6000, axis=0)
+
+
+@pytest.mark.parametrize("gap", [0.5, 1.0, 2.0])
+def test_given_normals_tell_close_sheets_from_noise(gap):
+    points, normals = sheets(gap, 1.0)
+    hood = Neighbourhoods.of(points, np.arange(len(points)))
+    assert given_level(hood, normals[hood.rows]) < 1e-6
+    local = local_patches(hood, normals)
+    assert local.noise < 1e-6
+    assert local.area == pytest.approx(2.0, rel=0.006)  # most of that is the borders
+
+
+def test_given_normals_do_not_deny_noise():
+    ball = truth.sphere(8000, 1)
+    points = ball.noisy(0.3, 2)
+    hood = Neighbourhoods.of(points, np.arange(len(points)))
+    assert given_level(hood, ball.normals[hood.rows]) > DENIED_BELOW
+    assert local_patches(hood, ball.normals).noise == pytest.approx(0.3, rel=0.15)
+
+
+def test_unknown_and_wrong_normals_are_not_believed():
+    ball = truth.sphere(4000, 1)
+    hood = Neighbourhoods.of(ball.points, np.arange(len(ball.points)))
+    assert given_level(hood, np.zeros_like(ball.points)) > DENIED_BELOW
+    wrong = np.random.default_rng(0).standard_normal(ball.points.shape)
+    assert given_level(hood, wrong / np.linalg.norm(wrong, axis=1, keepdims=True)) > DENIED_BELOW
+
+
+def test_layers_of_scans_face_one_way_and_plates_do_not():
+    for up, layers in ((1.0, False), (-1.0, True)):
+        points, normals = sheets(0.7, up)
+        hood = Neighbourhoods.of(points, np.arange(len(points)))
+        assert faces_one_way(hood, normals[hood.rows]) is layers
+    signs = np.random.default_rng(3).choice([-1.0, 1.0], (len(points), 1))
+    assert not faces_one_way(hood, (normals * signs)[hood.rows])
 
 
 def test_order_and_place_change_nothing_but_rounding():

@@ -76,6 +76,11 @@ def measure_cloud(
         )
     if surface.noise > 0.1:
         warnings.append(f"the points lie off the surface by {surface.noise:.2f} spacings; they were projected onto it")
+    if surface.is_overlay:
+        warnings.append(
+            "parts of the surface are covered by one scan, and parts by several laid over each other: "
+            "layers nearer than half a spacing count once, as noise; farther ones would count each"
+        )
     warnings.extend(cleaned)
     return replace(result, warnings=tuple(warnings))
 
@@ -124,7 +129,8 @@ def _solid_of_cloud(
     """Add to the lines' errors what the surface between the points leaves open, and what leaks away."""
     depth = depth_error(surface)
     volume = float(found.volume.value)
-    unsure = float(combine_errors(depth * float(area.value), 0.25 * found.leak * volume))
+    coarse = 0.5 * float(area.standard_error) / float(area.value)  # edges and detail that cost area cost volume as well
+    unsure = float(combine_errors(depth * float(area.value), 0.25 * found.leak * volume, coarse * volume))
     relative = unsure / volume
     size = float(np.cbrt(volume))
     reason = "" if closed else f"the surface is open: {found.leak:.1%} of the lines that hit leak"

@@ -103,6 +103,32 @@ class Measurement:
             "warnings": list(self.warnings),
         }
 
+    def plot(self, units: str = "") -> Any:
+        """Return a figure of matplotlib (extra ``plot``) with the 95 % intervals of the scalars.
+
+        Parameters
+        ----------
+        units : str
+            A label for lengths.
+
+        Raises
+        ------
+        MissingExtraError
+            If matplotlib is not installed.
+        """
+        from surfel.measuring.figures import plot_measurement
+
+        return plot_measurement(self, units)
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        known = [("area", self.area), ("volume", self.volume), ("centroid", self.centroid)]
+        cells = [(name, str(estimate)) for name, estimate in known if estimate is not None]
+        cells += [("closed", f"{self.closed} (leak {self.leak:.2%})"), ("method", self.method)]
+        cells += [("warning", text) for text in self.warnings]
+        return "<table>" + "".join(f"<tr><th>{k}</th><td>{escape(v)}</td></tr>" for k, v in cells) + "</table>"
+
     def __str__(self) -> str:
         lines = [f"area     {self.area}"]
         if self.volume is not None:

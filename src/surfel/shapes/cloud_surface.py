@@ -22,6 +22,7 @@ from surfel.surface.fans import STAR, Fans, build_fans
 from surfel.surface.neighbourhoods import Neighbourhoods, cleaned
 from surfel.surface.noise import is_two_sheets
 from surfel.surface.orient import Orientation, orient
+from surfel.surface.overlay import is_overlay
 from surfel.surface.patches import LocalPatches, local_patches
 from surfel.surface.sampling_error import SamplingError, sampling_error
 from surfel.surface.steps import faces_one_way
@@ -91,6 +92,12 @@ class CloudSurface:
         """Whether what reads as noise is two sheets of points nearer to each other than their spacing."""
         hood, noise = self._cleaned[0], self.noise
         return hood is not None and self._once("two_sheets", lambda: is_two_sheets(hood.index, noise))
+
+    @property
+    def is_overlay(self) -> bool:
+        """Whether the points lie as those of several scans do, some of which overlap."""
+        hood = self._cleaned[0]
+        return hood is not None and self._once("is_overlay", lambda: is_overlay(hood))
 
     @property
     def overlaid(self) -> bool:

@@ -74,6 +74,10 @@ class Surfels(Shape):
     (2000, True)
     """
 
+    _surface: CloudSurface | None
+    _operand: Operand | None
+    _classifiers: dict[str, Classifier]
+
     def __init__(
         self,
         points: ArrayLike,
@@ -391,6 +395,17 @@ class Surfels(Shape):
         known = [name for name in ("normals", "radii", "colors") if getattr(self, name) is not None]
         return f"Surfels({len(self):,} points" + "".join(f", {name}" for name in [*known, *self._attributes]) + ")"
 
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        cells = [("points", f"{len(self):,}")]
+        if len(self):
+            low, high = (", ".join(f"{value:.6g}" for value in corner) for corner in self.bounds)
+            cells += [("from", low), ("to", high)]
+        known = [name for name in ("normals", "radii", "colors") if getattr(self, name) is not None]
+        cells += [("known", ", ".join([*known, *self._attributes]) or "places alone")]
+        return "<table>" + "".join(f"<tr><th>{k}</th><td>{escape(v)}</td></tr>" for k, v in cells) + "</table>"
+
     def __getstate__(self) -> dict[str, Any]:
         derived = ("_lock", "_surface", "_operand", "_classifiers")
         state = {name: value for name, value in self.__dict__.items() if name not in derived}
@@ -410,9 +425,9 @@ class Surfels(Shape):
 
     def _forget(self) -> None:
         """Start with nothing derived."""
-        self._surface: CloudSurface | None = None
-        self._operand: Operand | None = None
-        self._classifiers: dict[str, Classifier] = {}
+        self._surface = None
+        self._operand = None
+        self._classifiers = {}
 
     def _like(self, **changes: Any) -> Surfels:
         same = {

@@ -38,8 +38,9 @@ of it. Noise that it leaves does ``LEFT_BY_NOISE`` times its roughness. (Fitted 
 
 LEFT_BY_NOISE = 1.08
 
-STEEP = 35.0
-"""What noise adds to the area of random points that are left where they are, in squares of its level."""
+STEEP, CLEAN = 35.0, 0.006
+"""What noise adds to the area of random points that are left where they are, in squares of its level; and the level
+that relief alone may show."""
 
 _ROWS = 1 << 18  # wide neighbourhoods are looked up for so many points at a time, and never stored whole
 
@@ -129,7 +130,8 @@ def local_patches(
 
 def _level(hood: Neighbourhoods, normals: Floats | None) -> tuple[float, bool]:
     """Return the noise of the points, and whether what looks like noise is sheets that good normals tell apart."""
-    level = max(noise_level(hood.index), step_level(hood))
+    level, steps = noise_level(hood.index), step_level(hood)
+    level = steps if steps > 0.0 and level < DENIED_BELOW else max(level, steps)
     if normals is None or level < LEAST_RANDOM:
         return level, False
     given = given_level(hood, normals[hood.rows])
@@ -153,9 +155,11 @@ def _patches_of(
     areas = cells.area * (1.0 + cells.curved)
     rough = areas * cells.rough
     if projected:
-        areas = areas + _flattened(areas, rough, noise) + border - _noisy_border(cells, hood.spacing, noise, random_border)
+        areas = (
+            areas + _flattened(areas, rough, noise) + border - _noisy_border(cells, hood.spacing, noise, random_border)
+        )
     else:
-        steep = STEEP * noise * noise * float(np.interp(hood.order, [0.55, 0.75], [1.0, 0.0]))
+        steep = STEEP * max(0.0, noise * noise - CLEAN * CLEAN) * float(np.interp(hood.order, [0.55, 0.75], [1.0, 0.0]))
         areas = areas * (1.0 - steep) + border + relief * _fine_relief(hood, cells) * rough
     roughness = float(rough.sum())
     return LocalPatches(hood, normals, areas, cells, border, roughness, noise, random_border, projected, sheets)
