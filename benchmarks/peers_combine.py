@@ -154,9 +154,8 @@ def open_scan() -> list[str]:
         except Exception as error:
             said.append(f"trimesh: {type(error).__name__}: {error}")
     cloud = surfel.read(path, as_="points")
-    start = time.perf_counter()
     result = surfel.combine(cloud - surfel.Sphere(0.04).translated(middle))
-    spent = time.perf_counter() - start
+    spent = result.seconds
     state = "leaky" if result.leaky else "closed"
     said.append(f"surfel: {len(result.surfels):,} surfels in {seconds(spent)}, {state}, conflict {result.conflict:.2%}")
     return said

@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from surfel.shapes.surfels import Surfels
     from surfel.shapes.tree import Difference, Intersection, Union
     from surfel.viewer.view import view
+    from surfel.viewer.viewer import Viewer
 
 __version__ = "0.1.0"
 
@@ -93,6 +94,7 @@ __all__ = [
     "Surfels",
     "Torus",
     "Union",
+    "Viewer",
     "__version__",
     "bound",
     "bound_curve",
@@ -143,6 +145,7 @@ _HOME = {
     "Surfels": "surfel.shapes.surfels",
     "Torus": "surfel.shapes.primitives.cyclide",
     "Union": "surfel.shapes.tree",
+    "Viewer": "surfel.viewer.viewer",
     "bound": "surfel.bounding.doors",
     "bound_curve": "surfel.bounding.curve",
     "combine": "surfel.booleans.combine",

@@ -151,3 +151,12 @@ def test_threads_change_no_bit_and_pictures_repeat():
         assert np.array_equal(first.pixels, other.pixels)
         assert np.array_equal(first.depth, other.depth)
         assert np.array_equal(first.rows, other.rows)
+
+
+@pytest.mark.parametrize("factor", [1, 257])
+def test_bytes_in_sixteen_bit_words_are_not_black(factor):
+    from surfel.rendering.splats import eight_bit
+
+    bytes_ = np.array([[255, 128, 0], [3, 4, 5]])
+    assert eight_bit((bytes_ * factor).astype(np.uint16)).tolist() == bytes_.tolist()
+    assert eight_bit(bytes_ / 255.0).tolist() == eight_bit(bytes_.astype(np.uint8)).tolist() == bytes_.tolist()

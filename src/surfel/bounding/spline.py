@@ -183,6 +183,24 @@ class SafeSpline(HeightSpline):
 
         return SplineSheet(self)
 
+    def plot(self, points: ArrayLike) -> Any:
+        """Return a figure of matplotlib (extra ``plot``): the surface over some points, and slices through both.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3)
+            Some of the points that it bounds.
+
+        Raises
+        ------
+        MissingExtraError
+            If matplotlib is not installed.
+        """
+        from surfel.bounding.figures import plot_spline
+        from surfel.core.cast import as_points
+
+        return plot_spline(self, as_points(points))
+
     def to_3dm(self, path: str | PathLike[str]) -> None:
         """Write the surface as an exact NURBS surface, and the outlines of its trim, to a 3DM file (extra ``cad``).
 

@@ -84,7 +84,8 @@ def eight_bit(colors: NDArray[Any]) -> NDArray[np.uint8]:
     rgb = colors[:, :3]
     if rgb.dtype == np.uint8:
         return np.ascontiguousarray(rgb)
-    full = 257.0 if rgb.dtype == np.uint16 else 1.0 if rgb.dtype.kind in "iu" else 1.0 / 255.0
+    small = rgb.dtype.kind in "iu" and int(rgb.max(initial=0)) <= 255  # many scanners write bytes into 16-bit words
+    full = 1.0 / 255.0 if rgb.dtype.kind == "f" else 1.0 if small or rgb.dtype != np.uint16 else 257.0
     scaled = np.nan_to_num(np.asarray(rgb, np.float64)) / full
     return np.clip(np.rint(scaled), 0.0, 255.0).astype(np.uint8)
 
