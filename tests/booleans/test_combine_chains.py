@@ -40,7 +40,9 @@ def test_three_drills_one_after_the_other():
 
 def test_a_cut_crossed_again_keeps_both_planes():
     a = ball(8000, 1)
-    quarter = surfel.combine(surfel.combine(a & surfel.HalfSpace((1, 0, 0), 0.0)).surfels & surfel.HalfSpace((0, 1, 0), 0.0))
+    quarter = surfel.combine(
+        surfel.combine(a & surfel.HalfSpace((1, 0, 0), 0.0)).surfels & surfel.HalfSpace((0, 1, 0), 0.0)
+    )
     assert area(quarter) == pytest.approx(PI + PI, rel=2e-3)
     assert quarter.surfels.clips.counts.max() >= 2
 

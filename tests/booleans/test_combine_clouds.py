@@ -54,7 +54,11 @@ def test_cubes_that_share_faces(shift, true):
 def test_turned_cubes_against_exact_solids():
     turned = surfel.Box(2.0).rotated((1, 2, 3), 50.0).translated((0.7, 0.4, 0.3))
     a, b = cube(12_000, 1), sampled(turned, 12_000, 2)
-    for clouds, exact in ((a | b, surfel.Box(2) | turned), (a & b, surfel.Box(2) & turned), (a - b, surfel.Box(2) - turned)):
+    for clouds, exact in (
+        (a | b, surfel.Box(2) | turned),
+        (a & b, surfel.Box(2) & turned),
+        (a - b, surfel.Box(2) - turned),
+    ):
         true = surfel.measure(exact).area.value
         assert area(surfel.combine(clouds)) == pytest.approx(true, rel=1.5e-3)
 

@@ -170,7 +170,7 @@ def assembled(part: Part, leaves: dict[int, Leaf], rule: Rule, how: Cut) -> Kept
     _end_together(part, here, cells, sides)
     every = parted(here.starts, here.lines, part.reach[here.rows], cells, before)
     fates = rule.keeps(part.leaf, _sides_of_pieces(here, every, sides), len(every.row))
-    areas = np.bincount(every.row, every.area, len(here.rows))
+    areas: Floats = np.bincount(every.row, every.area, len(here.rows)).astype(np.float64)
     pieces, of_piece = merged(every, fates)
     of_piece = _beside_kept(part, here, pieces, of_piece, fate)
     kept = of_piece != 0

@@ -24,7 +24,14 @@ _BENT = 0.8  # least cosine with the tangent plane of a sheet that goes on from 
 _IN, _OUT, _SAME, _OPPOSED = np.int64(IN), np.int64(OUT), np.int64(SAME), np.int64(OPPOSED)
 
 
-def cut_by_cloud(operand: Operand, points: Floats, normals: Floats, reach: Floats, chosen: NDArray[np.int64]) -> Model:
+def cut_by_cloud(
+    operand: Operand,
+    points: Floats,
+    normals: Floats,
+    reach: Floats,
+    chosen: NDArray[np.int64],
+    sides: NDArray[np.uint8],
+) -> Model:
     """Return where the surface of a cloud cuts some surfels.
 
     From the place where the last step found the cut, the nearest surfels of the cloud are taken as one curved sheet or
@@ -42,6 +49,8 @@ def cut_by_cloud(operand: Operand, points: Floats, normals: Floats, reach: Float
         How far from its centre each may be cut.
     chosen : NDArray[np.int64], shape (m,)
         Which of them may be cut at all, ascending.
+    sides : NDArray[np.uint8], shape (n,)
+        Those of their centres. Where one is on the surface, the sheet that lies as the surfel does is that surface.
     """
     m, k = len(chosen), min(NEIGHBOURS, len(operand))
     if not m or not k:
@@ -49,23 +58,26 @@ def cut_by_cloud(operand: Operand, points: Floats, normals: Floats, reach: Float
     centres = operand.local(points[chosen])
     upright, far = np.ascontiguousarray(normals[chosen]), np.ascontiguousarray(reach[chosen])
     places = centres.copy()
+    here = sides[chosen].astype(np.int64)
     for slack in _SLACK:
         m = len(chosen)
         lines, count, table = np.zeros((m, MOST, 3)), np.zeros(m, np.int64), np.zeros((m, 1 << MOST), np.uint8)
         squares, near = operand.index._nearest(places, np.arange(m, dtype=np.int32), k, own=False)
         with threads_for(16 * m):
             _meet(
-                m, operand.points, operand.normals, operand.spacings, squares, near, centres, upright, far, slack,
+                m, operand.points, operand.normals, operand.spacings, squares, near, centres, upright, far, here, slack,
                 places, lines, count, table,
             )  # fmt: skip
         met = np.flatnonzero(count > 0)
-        chosen, centres, upright, far, places = (array[met] for array in (chosen, centres, upright, far, places))
+        chosen, here = chosen[met], here[met]
+        centres, upright, far, places = centres[met], upright[met], far[met], places[met]
     return Model(chosen, lines[met], count[met], table[met])
 
 
 @rows
 def _meet(
-    first, last, points, normals, spacings, squares, near, centres, upright, far, slack, places, lines, count, table
+    first, last, points, normals, spacings, squares, near, centres, upright, far, whole, slack, places,
+    lines, count, table,
 ):  # fmt: skip
     sums = np.empty((2, 8))
     height, steep, slope, state = np.empty(2), np.empty(2), np.empty((2, 3)), np.empty(2, np.int64)
@@ -91,7 +103,11 @@ def _meet(
             a, b, along = dot(mx, my, mz, ex, ey, ez), dot(mx, my, mz, fx, fy, fz), dot(mx, my, mz, nx, ny, nz)
             square = a * a + b * b
             slope[c, 0], slope[c, 1], slope[c, 2], steep[c] = a, b, along, math.sqrt(square)
-            if abs(along) > ALIGNED and abs(height[c]) < DISTANCE * h:
+            same_way = along if whole[i] == _SAME else -along
+            if whole[i] in (_SAME, _OPPOSED) and same_way > _BENT:
+                state[c] = whole[i]
+                coincident = c
+            elif abs(along) > ALIGNED and abs(height[c]) < DISTANCE * h:
                 state[c] = _SAME if along > 0.0 else _OPPOSED
                 coincident = c
             elif square < _FLAT:

@@ -183,7 +183,7 @@ class _Work:
                     if j != k and _meet(limits, self.boxes[j]):
                         sides[j], close = other.sift(points, normals, 3.0 * self.spacing)
                         near |= close
-                return near | (self.rule.keeps(k, sides, len(points)) != 0)
+                return np.asarray(near | (self.rule.keeps(k, sides, len(points)) != 0))
 
             cloud = surfels_of(leaf, limits, self.spacing, wanted, self.seed + k)
         return Part(k, cloud, cloud.operand, exact=True)

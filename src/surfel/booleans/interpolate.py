@@ -61,7 +61,7 @@ class Blend:
         """Return interpolated values of the cloud: floats and colors; whole numbers and text are the nearest one's."""
         given = rows[self.part.order]
         if rows.dtype.kind != "f" or not np.isfinite(rows).all():
-            return given[self.near[np.arange(len(self.near)), self.weight.argmax(axis=1)]]
+            return np.asarray(given[self.near[np.arange(len(self.near)), self.weight.argmax(axis=1)]])
         return np.asarray(np.einsum("ik,ik...->i...", self.weight, given[self.near]), rows.dtype)
 
     def colors(self, rows: NDArray[Any]) -> NDArray[Any]:
@@ -69,7 +69,7 @@ class Blend:
         around = rows[self.part.order][self.near].astype(float)
         mean = np.einsum("ik,ikj->ij", self.weight, around)
         mean = np.clip(mean, around.min(axis=1), around.max(axis=1))
-        return (np.rint(mean) if rows.dtype.kind in "iu" else mean).astype(rows.dtype)
+        return np.asarray((np.rint(mean) if rows.dtype.kind in "iu" else mean).astype(rows.dtype))
 
     def attributes(self, given: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """Return all attributes."""

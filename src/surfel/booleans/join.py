@@ -25,10 +25,10 @@ def joined(parts: list[Part], kept: list[Kept], solid: bool | None) -> Surfels:
     if not parts:
         return Surfels(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), solid=solid)
     pieces = [_surfels(part, left) for part, left in zip(parts, kept, strict=True)]
-    cloud = Surfels._adopted(
-        *(np.concatenate([getattr(piece, name) for piece in pieces]) for name in ("points", "normals", "radii")),
-        _colors(pieces), _attributes(pieces), {},
-    )  # fmt: skip
+    points = np.concatenate([piece.points for piece in pieces])
+    normals = np.concatenate([piece.normals for piece in pieces])
+    radii = np.concatenate([piece.radii for piece in pieces])
+    cloud = Surfels._adopted(points, normals, radii, _colors(pieces), _attributes(pieces), {})
     if all(piece.axes is not None for piece in pieces if len(piece.points)):
         known = [piece.axes for piece in pieces if piece.axes is not None]
         cloud._axes = read_only(np.concatenate(known)) if known else None

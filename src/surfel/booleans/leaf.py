@@ -12,7 +12,6 @@ from surfel.booleans.model import Model
 from surfel.booleans.part import Part
 from surfel.booleans.sides import FROM_KIND, OPPOSED, SAME
 from surfel.core.cast import Floats
-from surfel.inside.classes import IN as INSIDE
 from surfel.inside.classify import Classifier
 from surfel.inside.coincidence import ALIGNED
 from surfel.shapes.surfels import Surfels
@@ -64,11 +63,14 @@ class CloudLeaf(Leaf):
         """Sift by blocks; what lies near the border may be cut."""
         found = self.classifier.classify(part.operand, reach=float(part.reach.max(initial=0.0)))
         sides = FROM_KIND[found.kind]
-        self._find_same_places(part, found.judged[found.kind[found.judged] <= INSIDE], sides)
-        return sides, np.flatnonzero(found.near)
+        near = found.near.copy()
+        self._find_same_places(part, found.judged, sides, near)
+        return sides, np.flatnonzero(near)
 
-    def _find_same_places(self, part: Part, rows: NDArray[np.int64], sides: NDArray[np.uint8]) -> None:
-        """Mark surfels that lie where one of the cloud does: that says more than the sheets round it."""
+    def _find_same_places(
+        self, part: Part, rows: NDArray[np.int64], sides: NDArray[np.uint8], may_be_cut: NDArray[np.bool_]
+    ) -> None:
+        """Mark surfels that lie where one of the cloud does: that says more than the sheets round it, and cuts none."""
         operand = self.classifier.operand
         if not len(rows) or not len(operand):
             return
@@ -78,6 +80,7 @@ class CloudLeaf(Leaf):
         cosine = np.einsum("ij,ij->i", part.normals[rows], operand.normals[there])
         here = (squares[:, 0] <= (_SAME_PLACE * operand.spacings[there]) ** 2) & (np.abs(cosine) > ALIGNED)
         sides[rows[here]] = np.where(cosine[here] > 0.0, SAME, OPPOSED)
+        may_be_cut[rows[here]] = False
 
     def sift(self, points: Floats, normals: Floats, reach: float) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
         """Sift places one by one."""
@@ -86,4 +89,4 @@ class CloudLeaf(Leaf):
 
     def cut(self, part: Part, rows: NDArray[np.int64], sides: NDArray[np.uint8]) -> Model:
         """Meet the sheets near the surfels."""
-        return cut_by_cloud(self.classifier.operand, part.points, part.normals, part.reach, rows)
+        return cut_by_cloud(self.classifier.operand, part.points, part.normals, part.reach, rows, sides)

@@ -56,7 +56,7 @@ class Part:
         """The radii of their disks, shape (n,)."""
         if self.cloud.radii is None:
             return np.asarray(RADIUS * self.operand.spacings)
-        return self.cloud.radii[self.operand.order]
+        return np.asarray(self.cloud.radii[self.operand.order])
 
     @cached_property
     def reach(self) -> Floats:
@@ -69,7 +69,7 @@ class Part:
         if self.exact:
             return cell_areas(cells_of(self.operand, np.arange(len(self))))
         carried = None if self.cloud.clips is None else self.cloud.clips.areas
-        return (self.cloud.surface.patches.areas if carried is None else carried)[self.order]
+        return np.asarray((self.cloud.surface.patches.areas if carried is None else carried)[self.order])
 
     @property
     def order(self) -> NDArray[np.int32]:

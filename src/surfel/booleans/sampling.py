@@ -28,8 +28,11 @@ _CANDIDATES = 5
 _APART = 0.72
 _MOST = 20_000_000
 _GRID = 64  # squares along each side of the unit square that is mapped to a surface
-_FINEST = 40  # so often are the squares divided that reach into the box
+_FINEST = 60  # so often are the squares divided that reach into the box
+_SQUARES = 50_000  # and no further where there are so many: those over an edge never become small
 _PILOT = 4  # places in each square
+
+_PLACES = np.array([[0.02, 0.02], [0.98, 0.02], [0.02, 0.98], [0.98, 0.98], [0.5, 0.5]])
 
 Keep = Callable[[Floats, Floats], NDArray[np.bool_]]
 """Tells which places, with their normals, are wanted."""
@@ -113,15 +116,16 @@ def _of_squares(leaf: Shape, region: Floats) -> tuple[Draw, float]:
     """Draw from the squares of the parameter plane whose images come near the region."""
     if half_space_of(leaf) is not None:
         return _of_plane(leaf, region)
-    corners, side, densest = _squares_near(leaf, region)
+    corners, sides, densest = _squares_near(leaf, region)
     if not len(corners):
         return _nothing, 0.0
-    area = float(densest.sum()) * side * side
-    chance = densest / densest.sum()
+    areas = densest * sides.prod(axis=1)
+    area = float(areas.sum())
+    chance = areas / area
 
     def draw(n: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
         square = rng.choice(len(corners), n, p=chance)
-        found = elements_of(leaf, corners[square] + side * rng.random((n, 2)), region)
+        found = elements_of(leaf, corners[square] + sides[square] * rng.random((n, 2)), region)
         taken = rng.random(n) * densest[square] < _densities(found, n)
         return found.points[taken], found.normals[taken]
 
@@ -138,42 +142,44 @@ def _of_plane(leaf: Shape, region: Floats) -> tuple[Draw, float]:
     return (draw, area) if area > 0.0 else (_nothing, 0.0)
 
 
-def _squares_near(leaf: Shape, region: Floats) -> tuple[Floats, float, Floats]:
-    """Divide the squares that reach into the region, until they are small against it.
+def _squares_near(leaf: Shape, region: Floats) -> tuple[Floats, Floats, Floats]:
+    """Divide the rectangles that reach into the region, until they are small against it.
+
+    Each is halved across the direction in which its image is longer, so that none is lost in slivers at a pole.
 
     Returns
     -------
-    corners : Floats, shape (k, 2)
-        The lower left corner of each square.
-    side : float
-        Of the squares.
+    corners, sides : Floats, shape (k, 2)
+        The lower left corner of each rectangle, and how wide and high it is.
     densest : Floats, shape (k,)
-        At least the area for a unit of the parameter plane that any place in a square has.
+        At least the area for a unit of the parameter plane that any place in it has.
     """
-    side = 1.0 / _GRID
-    ticks = np.arange(_GRID) * side
+    ticks = np.arange(_GRID) / _GRID
     corners = np.stack([axis.ravel() for axis in np.meshgrid(ticks, ticks, indexing="ij")], axis=1)
-    places = np.array([[0.02, 0.02], [0.98, 0.02], [0.02, 0.98], [0.98, 0.98], [0.5, 0.5]])
+    sides = np.full(corners.shape, 1.0 / _GRID)
     diagonal = float(np.linalg.norm(region[1] - region[0]))
     for depth in range(_FINEST + 1):
-        uv = (corners[:, None] + side * places).reshape(-1, 2)
+        uv = (corners[:, None] + sides[:, None] * _PLACES).reshape(-1, 2)
         found = elements_of(leaf, uv, region)
-        at = found.points.reshape(-1, len(places), 3)
+        at = found.points.reshape(-1, len(_PLACES), 3)
         middle = at.mean(axis=1)
         size = 2.0 * np.linalg.norm(at - middle[:, None], axis=2).max(axis=1)
         gap = np.maximum(np.maximum(region[0] - middle, middle - region[1]), 0.0)
         near = np.linalg.norm(gap, axis=1) <= size
-        corners = corners[near]
-        densest = 1.15 * _densities(found, len(uv)).reshape(-1, len(places)).max(axis=1)[near]
-        if (
-            depth == _FINEST
-            or not len(corners)
-            or float(size[near].max()) < 0.25 * diagonal
-            or float(near.mean()) > 0.5
-        ):
-            return corners, side, densest
-        side *= 0.5
-        corners = np.concatenate([corners + side * np.array(step) for step in ((0, 0), (1, 0), (0, 1), (1, 1))])
+        share = float(near.mean())
+        corners, sides, at, size = corners[near], sides[near], at[near], size[near]
+        densest = 1.15 * _densities(found, len(uv)).reshape(-1, len(_PLACES)).max(axis=1)[near]
+        small = size < 0.25 * diagonal
+        if depth == _FINEST or not 0 < len(corners) < _SQUARES or small.all() or (depth == 0 and share > 0.5):
+            return corners, sides, densest
+        wide = np.linalg.norm(at[:, 1] - at[:, 0], axis=1) + np.linalg.norm(at[:, 3] - at[:, 2], axis=1)
+        high = np.linalg.norm(at[:, 2] - at[:, 0], axis=1) + np.linalg.norm(at[:, 3] - at[:, 1], axis=1)
+        axis = np.where(wide >= high, 0, 1)
+        large = np.flatnonzero(~small)
+        sides[large, axis[large]] *= 0.5
+        second = corners[large].copy()
+        second[np.arange(len(large)), axis[large]] += sides[large, axis[large]]
+        corners, sides = np.concatenate([corners, second]), np.concatenate([sides, sides[large]])
     raise AssertionError("the last round returns")
 
 

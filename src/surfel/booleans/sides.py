@@ -7,6 +7,8 @@ everything: :data:`SAME` at the root keeps the surfel, :data:`OPPOSED` keeps it 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +19,7 @@ from surfel.shapes.tree import Tree, postorder
 OUT, SAME, OPPOSED, IN = 0, 1, 2, 3
 """Outside, on the surface facing the same way, on it facing the other way, and inside."""
 
-Sides = NDArray[np.uint8] | int
+Sides = NDArray[Any] | int
 """Sides of many surfels, or one number for them all."""
 
 FROM_KIND = np.array([OUT, IN, SAME, OPPOSED], np.uint8)

@@ -83,7 +83,7 @@ def split(
             starts, lines, radii, *cells, *before, piece_starts, pieces.above[order], fate[order], levels, chosen, *out
         )
         if written <= room:
-            return Parts(*(column[:written] for column in out))
+            return Parts(out[0][:written], out[1][:written], out[2][:written], out[3][:written], out[4][:written])
         room = written
 
 

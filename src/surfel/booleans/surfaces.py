@@ -86,7 +86,7 @@ class SolidSurface:
         length = np.linalg.norm(normal, axis=1, keepdims=True)
         normal = np.where(hit[:, None], normal / np.maximum(length, 1e-300), towards)
         height = np.where(hit, -t * np.einsum("ij,ij->i", towards, normal), 0.0)
-        return height, normal
+        return np.asarray(height), np.asarray(normal)
 
     def _nearest_hit(
         self, places: Floats, towards: Floats, expected: Floats | float = 0.0
