@@ -24,7 +24,7 @@ from surfel.shapes.base import Shape
 from surfel.shapes.elements import rough_area
 from surfel.shapes.extent import bounded, boxes_of, is_empty
 from surfel.shapes.mesh import Mesh
-from surfel.shapes.program import _where_leaves_matter
+from surfel.shapes.program import where_leaves_matter
 from surfel.shapes.surfels import Surfels
 from surfel.shapes.tree import Tree, postorder
 
@@ -139,7 +139,7 @@ class _Work:
         self.exact = [k for k, leaf in enumerate(tree.leaves) if not isinstance(leaf, Surfels)]
         if self.exact:
             self.frame = bounded(tree)
-            self.reach = _where_leaves_matter(tree, postorder(tree))
+            self.reach = where_leaves_matter(tree, postorder(tree))
             self.spacing = spacing or self._usual_spacing()
         self._asked: set[int] = set()
 

@@ -14,7 +14,8 @@ from surfel.booleans.interpolate import Blend
 from surfel.booleans.part import Part
 from surfel.core.cast import Floats, read_only
 from surfel.shapes.clips import Clips
-from surfel.shapes.surfels import Surfels, _full
+from surfel.shapes.columns import full_brightness
+from surfel.shapes.surfels import Surfels
 
 LEAF = "leaf"
 """The attribute that tells which operand a surfel comes from."""
@@ -141,15 +142,15 @@ def _colors(pieces: list[_Piece]) -> NDArray[Any] | None:
     if not known:
         return None
     channels = max(colors.shape[1] for colors in known)
-    mixed = len({_full(colors) for colors in known}) > 1 or len({colors.dtype for colors in known}) > 1
+    mixed = len({full_brightness(colors) for colors in known}) > 1 or len({colors.dtype for colors in known}) > 1
     kind = np.dtype(np.float64) if mixed else known[0].dtype
-    top = 1.0 if kind.kind == "f" else _full(known[0])
+    top = 1.0 if kind.kind == "f" else full_brightness(known[0])
     parts = []
     for piece in pieces:
         part = np.full((len(piece.points), channels), top if kind.kind == "f" else int(top), kind)
         if piece.colors is None:
             part[:, :3] = 0.5 * top if kind.kind == "f" else int(top) // 2
         else:
-            part[:, : piece.colors.shape[1]] = piece.colors / _full(piece.colors) if mixed else piece.colors
+            part[:, : piece.colors.shape[1]] = piece.colors / full_brightness(piece.colors) if mixed else piece.colors
         parts.append(part)
     return np.concatenate(parts)

@@ -245,7 +245,7 @@ _RUN = 1 << 15
 def _units(normals: Floats) -> Floats:
     """Scale normals to unit length where they lie, a run at a time: what is worked on stays in the cache."""
     from surfel.io.parts import in_parts
-    from surfel.shapes.surfels import _UNIT, _unit
+    from surfel.shapes.columns import UNIT, unit
 
     if not normals.flags.writeable:
         normals = normals.copy()
@@ -256,12 +256,12 @@ def _units(normals: Floats) -> Floats:
         square += y * y
         square += z * z
         if not (np.isfinite(square).all() and square.min(initial=1.0) > 1e-200):
-            normals[first:last] = _unit(normals[first:last])  # which takes care of what is missing or overflows
+            normals[first:last] = unit(normals[first:last])  # which takes care of what is missing or overflows
             return
         factor = np.sqrt(square)
         np.divide(1.0, factor, out=factor)
         square -= 1.0
-        factor[np.abs(square, out=square) <= _UNIT] = 1.0
+        factor[np.abs(square, out=square) <= UNIT] = 1.0
         x *= factor
         y *= factor
         z *= factor

@@ -196,7 +196,7 @@ def program_of(tree: Tree) -> Program:
     order = postorder(tree)
     leaves = tree.leaves
     logic = logic_of(order, leaves)
-    boxes = _where_leaves_matter(tree, order)
+    boxes = where_leaves_matter(tree, order)
     rows = []
     for k, leaf in enumerate(leaves):
         shape = leaf.shape if isinstance(leaf, Placed) else leaf
@@ -210,7 +210,7 @@ def program_of(tree: Tree) -> Program:
     return program
 
 
-def _where_leaves_matter(tree: Tree, order: list[Shape]) -> Floats:
+def where_leaves_matter(tree: Tree, order: list[Shape]) -> Floats:
     """Return a box for each leaf outside of which its bit changes nothing, shape (leaves, 2, 3).
 
     What an intersection or a difference cannot reach is of no account to its inputs; a union passes everything on.

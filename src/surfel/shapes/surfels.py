@@ -17,6 +17,7 @@ from surfel.core.errors import InputError
 from surfel.core.lines import Lines
 from surfel.core.patches import Patches
 from surfel.shapes.base import Shape
+from surfel.shapes.columns import as_axes, as_column, as_judge, as_radii, axes_under, on_one_scale, unit
 
 if TYPE_CHECKING:
     from surfel.inside.classify import Classifier
@@ -100,14 +101,14 @@ class Surfels(Shape):
             return read_only(np.array(array[keep], order="C"))
 
         self._points = kept(place)
-        self._normals = None if normals is None else kept(_unit(as_rows(normals, "normals", rows)))
-        self._radii = None if radii is None else kept(_radii(radii, rows))
-        self._colors = None if colors is None else kept(_of_rows(colors, "colors", rows))
+        self._normals = None if normals is None else kept(unit(as_rows(normals, "normals", rows)))
+        self._radii = None if radii is None else kept(as_radii(radii, rows))
+        self._colors = None if colors is None else kept(as_column(colors, "colors", rows))
         if self._colors is not None and (self._colors.ndim != 2 or self._colors.shape[1] not in (3, 4)):
             raise InputError(f"colors must have shape ({rows}, 3) or ({rows}, 4); got {np.shape(np.asarray(colors))}")
         self._attributes = MappingProxyType(
             {
-                str(name): kept(_of_rows(value, f"attribute {name!r}", rows))
+                str(name): kept(as_column(value, f"attribute {name!r}", rows))
                 for name, value in (attributes or {}).items()
             }
         )
@@ -115,11 +116,11 @@ class Surfels(Shape):
             raise InputError(f"solid must be True, False or None; got {solid!r}")
         self._solid = None if solid is None else bool(solid)
         self._provenance = MappingProxyType(dict(provenance or {}))
-        self._axes = None if axes is None else kept(_axes(axes, rows))
+        self._axes = None if axes is None else kept(as_axes(axes, rows))
         if not (clips is None or len(clips) == rows):
             raise InputError(f"clips must have one row for each of the {rows} points; got {len(clips)}")
         self._clips = clips if clips is None or everything else clips[keep]
-        self._judge = None if judge is None else _named_judge(judge)
+        self._judge = None if judge is None else as_judge(judge)
         self._dropped = rows - len(self._points)
         self._lock = threading.RLock()
         self._forget()
@@ -318,7 +319,7 @@ class Surfels(Shape):
             points=self._points @ linear.T + affine[:3, 3],
             normals=normals,
             radii=radii,
-            axes=None if self._axes is None else _axes_under(self._axes, linear),
+            axes=None if self._axes is None else axes_under(self._axes, linear),
             clips=None if self._clips is None else self._clips.transformed(linear, self._normals),
         )
 
@@ -380,7 +381,7 @@ class Surfels(Shape):
             np.concatenate([self._points, other.points]),
             joined(self._normals, other.normals),
             joined(self._radii, other.radii),
-            joined(*_on_one_scale(self._colors, other.colors)),
+            joined(*on_one_scale(self._colors, other.colors)),
             {k: v for k, v in both.items() if v is not None},
             self._solid if self._solid == other.solid else None,
             axes=joined(self._axes, other.axes),
@@ -492,71 +493,6 @@ class Surfels(Shape):
         return self._inside.classify(points).inside
 
 
-def _unit(normals: Floats) -> Floats:
-    """Scale to unit length, not by a bit where it is one already; zero where the length is zero or not finite."""
-    x, y, z = (np.ascontiguousarray(column) for column in normals.T)
-    with np.errstate(over="ignore", invalid="ignore"):
-        square = x * x + y * y + z * z
-    if not (np.isfinite(square).all() and square.min(initial=1.0) > 1e-200):
-        return _unit_with_care(normals, np.abs(square - 1.0) <= _UNIT)
-    factor = np.where(np.abs(square - 1.0) <= _UNIT, 1.0, 1.0 / np.sqrt(square))
-    return np.stack([x * factor, y * factor, z * factor], axis=1)
-
-
-_UNIT = 1e-15  # how far rounding may take the square of a length from 1
-
-
-def _unit_with_care(normals: Floats, done: NDArray[np.bool_]) -> Floats:
-    """Do the same where squares overflow or vanish, or normals are missing."""
-    largest = np.abs(normals).max(axis=1, keepdims=True, initial=0.0)
-    known = np.isfinite(largest) & (largest > 0.0)
-    scaled = np.divide(normals, largest, out=np.zeros_like(normals), where=known)
-    length = np.sqrt(np.einsum("ij,ij->i", scaled, scaled))[:, None]
-    unit = np.divide(scaled, length, out=np.zeros_like(scaled), where=length > 0.0)
-    return np.asarray(np.where(done[:, None], normals, unit))
-
-
-def _on_one_scale(a: NDArray[Any] | None, b: NDArray[Any] | None) -> tuple[NDArray[Any] | None, NDArray[Any] | None]:
-    """Return colors of one scale as they are, of different scales as floats of 0 to 1."""
-    if a is None or b is None or _full(a) == _full(b):
-        return a, b
-    return a / _full(a), b / _full(b)
-
-
-def _full(colors: NDArray[Any]) -> float:
-    """Return what stands for full brightness."""
-    if colors.dtype == np.uint16:
-        return 65535.0
-    return 255.0 if colors.dtype.kind in "iu" else 1.0
-
-
-def _radii(value: ArrayLike, rows: int) -> Floats:
-    radii = as_rows(np.reshape(np.asarray(value), (-1, 1)), "radii", rows, 1)[:, 0]
-    if not (np.isfinite(radii).all() and (radii >= 0.0).all()):
-        raise InputError("radii must be finite and not negative")
-    return radii
-
-
-def _axes(value: ArrayLike, rows: int) -> Floats:
-    axes = np.asarray(value, np.float64)
-    if axes.shape != (rows, 2, 3) or not np.isfinite(axes).all():
-        raise InputError(f"axes must be finite, of shape ({rows}, 2, 3); got shape {axes.shape}")
-    return axes
-
-
-def _axes_under(axes: Floats, linear: Floats) -> Floats:
-    """Return the half axes of the images of ellipses under a linear map."""
-    along, lengths, _ = np.linalg.svd(np.swapaxes(axes @ linear.T, 1, 2), full_matrices=False)
-    return np.asarray(np.swapaxes(along * lengths[:, None, :], 1, 2))
-
-
-def _named_judge(name: str) -> str:
-    from surfel.inside.classify import SHEETS
-    from surfel.inside.judges import NAMES
-
-    return as_choice(name, "judge", ("auto", SHEETS, *NAMES))
-
-
 def _clips(cloud: Surfels) -> Clips:
     """Return the clips of a cloud; of one that was not cut, none for each surfel, and its whole patches."""
     from surfel.shapes.clips import Clips
@@ -564,12 +500,3 @@ def _clips(cloud: Surfels) -> Clips:
     if cloud.clips is not None:
         return cloud.clips
     return Clips(np.zeros(len(cloud) + 1, np.int64), np.empty((0, 4)), areas=lambda: cloud.surface.patches.areas)
-
-
-def _of_rows(value: ArrayLike, name: str, rows: int) -> NDArray[Any]:
-    array = np.asarray(value)
-    if array.ndim == 0 or len(array) != rows:
-        raise InputError(f"{name} must have one row for each of the {rows} points; got shape {array.shape}")
-    if array.dtype.kind == "O":
-        raise InputError(f"{name} must be numbers or text of fixed length; got Python objects")
-    return array
