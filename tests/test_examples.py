@@ -24,6 +24,7 @@ LEAST_TOLD = {
     "08_scan_minus_drill": 3,
     "09_two_scans_joined": 5,
     "10_stockpile": 2,
+    "11_picture_of_a_cut": 0,
 }
 
 

@@ -36,6 +36,11 @@ def test_leaves_become_parts_and_nodes_joins():
     assert [part.shape for part in stage.parts] == [a, b, c]  # one that occurs twice is one part
     assert [part.name for part in stage.parts] == ["box", "sphere", "cloud"]
     assert [join.operation for join in stage.joins] == ["union", "difference", "intersection"]
+    assert [part.name for part in Stage((a - b) | (c & a), names=["block", "", "scan"]).parts] == [
+        "block",
+        "sphere",
+        "scan",
+    ]
     stage.switch(1, "union")
     assert stage.joins[1].operation == "union"
 
@@ -44,7 +49,7 @@ def test_several_shapes_are_joined_one_after_the_other():
     stage = Stage([surfel.Box(1), surfel.Sphere(1), surfel.Sphere(2)], names=["block", "hole"])
     assert [part.name for part in stage.parts] == ["block", "hole", "sphere"]
     assert [join.operation for join in stage.joins] == ["union", "union"]
-    stage.add(surfel.Sphere(3), "hole")
+    stage.add(surfel.Sphere(3), ["hole"])
     assert stage.parts[-1].name == "hole 2"
 
 

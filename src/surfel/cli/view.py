@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from surfel.cli.options import Quiet, ReadAs, as_form
+
+if TYPE_CHECKING:
+    from surfel.shapes.base import Shape
 
 
 def view(
@@ -31,7 +34,7 @@ def view(
     with Output(False, quiet) as output:
         with output.work():
             shapes = [surfel.read(file, as_=form) for file in files]
-        names = [Path(file).stem for file in files]
+        names = [name for file, shape in zip(files, shapes, strict=True) for name in _names(shape, Path(file).stem)]
         if html is not None:
             from surfel.viewer.view import write_html
 
@@ -42,3 +45,10 @@ def view(
         typer.echo(viewer.url)
         output.note("Ctrl-C ends it")
     viewer.wait()
+
+
+def _names(shape: Shape, name: str) -> list[str]:
+    """Return the name of a file for its shape; the leaves of a tree are called by their kind."""
+    from surfel.shapes.tree import Tree
+
+    return [""] * len(shape.leaves) if isinstance(shape, Tree) else [name]

@@ -55,7 +55,7 @@ class Stage:
     shapes : Shape or iterable of Shape
         A tree, of which every leaf becomes a part; a leaf; or several of these, joined one after the other.
     names : sequence of str, optional
-        What the parts are called; by default by their kind and number.
+        What the parts are called, from left to right; by default, and where empty, by their kind.
 
     Raises
     ------
@@ -69,13 +69,13 @@ class Stage:
         self._known: dict[int, Part] = {}
         given = iter(names)
         for shape in as_shapes(shapes):
-            self.add(shape, next(given, ""))
+            self.add(shape, given)
         if self.root is None:
             raise InputError("there is nothing to see: give a shape, a tree of shapes, or several of them")
 
-    def add(self, shape: Shape, name: str = "", operation: str = "union") -> None:
-        """Join one more shape to what is there."""
-        added = self._taken(shape, name)
+    def add(self, shape: Shape, names: Iterable[str] = (), operation: str = "union") -> None:
+        """Join one more shape to what is there; its new parts take the next names."""
+        added = self._taken(shape, iter(names))
         self.root = added if self.root is None else Join(_operation(operation), [self.root, added])
 
     @property
@@ -115,12 +115,12 @@ class Stage:
         assert self.root is not None
         return build(self.root)
 
-    def _taken(self, shape: Shape, name: str) -> Part | Join:
+    def _taken(self, shape: Shape, names: Iterator[str]) -> Part | Join:
         """Turn a tree into nodes and its leaves into parts; a leaf that occurs twice is one part."""
         if isinstance(shape, Tree):
-            return Join(shape.operation, [self._taken(child, "") for child in shape.children])
+            return Join(shape.operation, [self._taken(child, names) for child in shape.children])
         if id(shape) not in self._known:
-            self._known[id(shape)] = Part(self._free(name or _kind(shape)), shape)
+            self._known[id(shape)] = Part(self._free(next(names, "") or _kind(shape)), shape)
             self.parts.append(self._known[id(shape)])
         return self._known[id(shape)]
 

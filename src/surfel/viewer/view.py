@@ -25,7 +25,7 @@ def view(
     shapes : Shape or iterable of Shape
         A tree, of which every leaf can be moved; a leaf; or several of these, joined by unions at first.
     names : sequence of str
-        What several shapes are called; by default by their kind.
+        What the leaves are called, from left to right; by default, and where empty, by their kind.
     host : str
         Which address to listen on. Whoever can reach it can use the page; by default this computer alone.
     port : int

@@ -29,6 +29,8 @@ from surfel.viewer.stream import Stream
 from surfel.viewer.surface import Lid, lid_of
 from surfel.viewer.worker import Stale, Worker
 
+_COVER = 1.5  # of a surfel's own radius, by which it stands for its cell: disks must overlap to leave no gaps
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -173,7 +175,7 @@ class Viewer:
             if not isinstance(shape, Shape):
                 raise InputError(f"{name} holds no shape")
         with self._lock:
-            self._stage.add(shape, Path(name).stem)
+            self._stage.add(shape, [Path(name).stem])
         self._worker.rest()
 
     def result_file(self) -> bytes:
@@ -276,6 +278,6 @@ def _result(tree: Tree, level: int) -> tuple[Elements, NDArray[np.int64]] | None
     if len(surfels) > 2 * MOST:
         return None
     normals = np.zeros((len(surfels), 3)) if surfels.normals is None else surfels.normals
-    radii = np.zeros(len(surfels)) if surfels.radii is None else surfels.radii
+    radii = np.zeros(len(surfels)) if surfels.radii is None else _COVER * surfels.radii
     colors = None if surfels.colors is None else np.asarray(surfels.colors)[:, :3].astype(np.uint8)
     return Elements(surfels.points, normals, radii, colors), np.asarray(surfels.attributes["leaf"], np.int64)
