@@ -113,7 +113,7 @@ class Panel:
         python.on_click(lambda event: self._for_client(event, self._show_python))
 
     def _show_python(self, client: Any) -> None:
-        with client.gui.add_modal("Python", size="xl") as window:
+        with client.gui.add_modal("Python") as window:
             client.gui.add_markdown(f"```python\n{self._viewer.script()}```")
             client.gui.add_button("close").on_click(lambda _: window.close())
 
