@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import io
 import sys
+import time
 
 import pytest
 
@@ -128,3 +129,19 @@ def test_the_interpreters_own_reports_are_put_back(monkeypatch):
 def test_without_a_command_the_help_is_printed(capsys):
     assert main([]) == 0
     assert "measure" in capsys.readouterr().out
+
+
+def test_an_interrupt_that_falls_into_a_callback_comes_through(monkeypatch):
+    """Python would print it and forget it; a command would run on as if nobody had pressed Ctrl-C."""
+    from surfel.cli import _keep_interrupts
+
+    class Callback:
+        def __del__(self):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys, "unraisablehook", _keep_interrupts)
+    with pytest.raises(KeyboardInterrupt):
+        made = Callback()
+        del made
+        for _ in range(100):
+            time.sleep(0.05)

@@ -1,4 +1,4 @@
-"""The command line: measure, combine, bound, info, convert, sample and demo.
+"""The command line: measure, combine, bound, render, view, info, convert, sample and demo.
 
 Exit codes: 0 when the work is done; 2 with one line on the standard error when it cannot be done (a wrong argument, an
 unreadable or lying file, a full disk, a missing extra); 130 after Ctrl-C; 141 when the reader of the output has gone;
@@ -131,7 +131,8 @@ def _keep_interrupts(unraisable: sys.UnraisableHookArgs) -> None:
     """Pass on a Ctrl-C that fell into a callback, where Python would print a traceback and forget it."""
     if issubclass(unraisable.exc_type, KeyboardInterrupt):
         import _thread
+        import threading
 
-        _thread.interrupt_main()
+        threading.Timer(0.05, _thread.interrupt_main).start()  # at once it would fall into this very callback
     elif os.environ.get("SURFEL_TRACEBACK"):
         sys.__unraisablehook__(unraisable)
