@@ -93,8 +93,13 @@ def test_what_is_not_known_is_null_in_json(calls, capsys):
     }
 
 
+PUBLISHED = {"radius_factor": 1.5, "depth": 4, "cells": "line", "density": "even", "denoise": 0}
+"""The defaults of the published method."""
+
+
 def test_every_option_reaches_the_measurement(calls):
     options = ["--as", "points", "--method", "lines", "--lines", "1000", "--tolerance", "0.01", "--model", "chord"]
+    options += ["--radius-factor", "3", "--depth", "5", "--cells", "cylinder", "--density", "uneven", "--denoise", "2"]
     assert main(["measure", "scan.ply", *options, "--sequence", "r4", "--seed", "7", "--json"]) == 0
     assert calls["read"] == ("scan.ply", "points")
     assert calls["measure"] == {
@@ -104,6 +109,11 @@ def test_every_option_reaches_the_measurement(calls):
         "seed": 7,
         "model": "chord",
         "sequence": "r4",
+        "radius_factor": 3.0,
+        "depth": 5,
+        "cells": "cylinder",
+        "density": "uneven",
+        "denoise": 2,
     }
 
 
@@ -117,6 +127,7 @@ def test_defaults_are_those_of_the_library(calls):
         "seed": 0,
         "model": "tangent",
         "sequence": "niederreiter",
+        **PUBLISHED,
     }
 
 
