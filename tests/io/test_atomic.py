@@ -156,7 +156,7 @@ def test_an_end_in_the_middle_of_writing_a_cloud(tmp_path, monkeypatch, suffix, 
 @pytest.mark.skipif(not hasattr(signal, "SIGINT") or sys.platform == "win32", reason="needs signals")
 def test_ctrl_c_while_a_process_converts(tmp_path):
     """A real signal, sent when the temporary file has grown."""
-    surfel.io.write(tmp_path / "a.ply", np.random.default_rng(0).random((400_000, 3)))
+    surfel.io.write(tmp_path / "a.ply", np.random.default_rng(0).random((1_500_000, 3)))
     (tmp_path / "b.xyz").write_bytes(b"old")
     program = "import sys, surfel; print('on', flush=True); surfel.convert(sys.argv[1], sys.argv[2])"
     command = [sys.executable, "-c", program, str(tmp_path / "a.ply"), str(tmp_path / "b.xyz")]
