@@ -231,3 +231,26 @@ def test_a_failure_is_told_and_the_worker_lives_on():
     assert done.wait(10.0)
     worker.end()
     worker.end()  # twice is no harm
+
+
+def test_disks_stay_hidden_while_pictures_are_sent():
+    """Neither a drag nor a result brings them back; switched on again, what was shown last is shown."""
+    from unittest.mock import MagicMock
+
+    from surfel.viewer.page import Page
+
+    server = MagicMock()
+    server.scene.add_batched_meshes_simple.side_effect = lambda *given, **known: MagicMock(**{"visible": True, **known})
+    page, frame = Page(server), Frame.of(BOX)
+    elements = elements_of(ball(200), BOX)
+    page.add_part(0, elements, frame, np.zeros(3), lambda *moved: None)
+    disks, kept = page._disks[0], [np.ones(200, bool)]
+    page.show_everything(False)
+    page.show_parts(kept)
+    assert not disks.visible
+    page.show_result(elements, np.zeros(200, int), frame)
+    assert not disks.visible and not page._result.visible
+    page.show_everything(True)
+    assert page._result.visible and not disks.visible
+    page.show_parts(kept)
+    assert disks.visible and not page._result.visible

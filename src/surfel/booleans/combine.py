@@ -15,7 +15,7 @@ from surfel.booleans.leaf import CloudLeaf, Leaf
 from surfel.booleans.part import Part
 from surfel.booleans.result import Combination
 from surfel.booleans.sampling import DEFAULT, surfels_of
-from surfel.booleans.sides import Rule, Sides, as_tree
+from surfel.booleans.sides import Rule, Sides, as_tree, is_sheet
 from surfel.core.cast import Booleans, Floats, as_choice, as_count, as_positive
 from surfel.core.errors import InputError
 from surfel.inside.classify import SHEETS
@@ -23,7 +23,6 @@ from surfel.inside.judges import NAMES
 from surfel.shapes.base import Shape
 from surfel.shapes.elements import rough_area
 from surfel.shapes.extent import bounded, boxes_of, is_empty
-from surfel.shapes.mesh import Mesh
 from surfel.shapes.program import where_leaves_matter
 from surfel.shapes.surfels import Surfels
 from surfel.shapes.tree import Tree, postorder
@@ -128,7 +127,7 @@ class _Work:
     def __init__(self, tree: Tree, judge: str, spacing: float | None, seed: int) -> None:
         self.tree = tree
         self.seed = seed
-        self.sheets = {k for k, leaf in enumerate(tree.leaves) if _is_sheet(leaf)}
+        self.sheets = {k for k, leaf in enumerate(tree.leaves) if is_sheet(leaf)}
         self.rule = Rule(tree, self.sheets)
         boxes = boxes_of(tree)
         self.boxes = [boxes[id(leaf)] for leaf in tree.leaves]
@@ -242,13 +241,6 @@ class _Work:
                     "contradicts that; near its holes the result is a guess"
                 )
         return leaky, conflict, tuple(warnings), tuple(judges)
-
-
-def _is_sheet(leaf: Shape) -> bool:
-    """Tell whether a leaf has no inside: a cloud only where it says so."""
-    if isinstance(leaf, Surfels):
-        return leaf.solid is False
-    return not leaf.closed if isinstance(leaf, Mesh) else leaf._is_sheet()
 
 
 def _meet(a: Floats, b: Floats) -> bool:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from surfel.core.errors import InputError
 from surfel.shapes.base import Shape
+from surfel.shapes.surfels import Surfels
 from surfel.shapes.tree import Tree, postorder
 
 OUT, SAME, OPPOSED, IN = 0, 1, 2, 3
@@ -145,3 +146,8 @@ def as_tree(shape: Shape) -> Tree:
             + ("; wrap points as surfel.Surfels(points)" if isinstance(shape, np.ndarray) else "")
         )
     return shape if isinstance(shape, Tree) else Union(shape)
+
+
+def is_sheet(leaf: Shape) -> bool:
+    """Tell whether a leaf has no inside: a cloud only where that was said of it."""
+    return leaf.solid is False if isinstance(leaf, Surfels) else leaf._is_sheet()

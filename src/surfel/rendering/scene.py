@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel.booleans.sides import Rule
+from surfel.booleans.sides import Rule, is_sheet
 from surfel.core.cast import Floats
 from surfel.core.errors import InputError
 from surfel.rendering.palette import leaf_color
@@ -181,12 +181,7 @@ def box_of(shape: Shape) -> Floats | None:
 def _item(shape: Shape, leaves: tuple[Shape, ...], first: int) -> Item:
     if not isinstance(shape, Tree) or not any(isinstance(leaf, Surfels) for leaf in leaves):
         return Item(shape, leaves, first, None)
-    return Item(shape, leaves, first, Rule(shape, {k for k, leaf in enumerate(leaves) if _is_sheet(leaf)}))
-
-
-def _is_sheet(leaf: Shape) -> bool:
-    """Tell whether a leaf has no inside; a cloud only where that was said of it, as in :func:`surfel.combine`."""
-    return leaf.solid is False if isinstance(leaf, Surfels) else leaf._is_sheet()
+    return Item(shape, leaves, first, Rule(shape, {k for k, leaf in enumerate(leaves) if is_sheet(leaf)}))
 
 
 def _disks(splats: Splats, leaf: int, kept: Survivors) -> Disks:

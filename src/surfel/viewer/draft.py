@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from surfel.booleans.sides import is_sheet
 from surfel.core.cast import Booleans, Floats
 from surfel.core.errors import InputError
 from surfel.rendering.bits import Beside, Bits, survival
@@ -46,11 +47,6 @@ class Draft:
             known = (pose.tobytes(), _inside(one, mine, other, pose))
             self._pairs[k, j] = known
         return known[1]
-
-
-def is_sheet(shape: Shape) -> bool:
-    """Tell whether a shape has no inside; a cloud has one unless it says otherwise."""
-    return shape.solid is False if isinstance(shape, Surfels) else shape._is_sheet()
 
 
 def _inside(one: Part, mine: Elements, other: Part, pose: Floats) -> Booleans:

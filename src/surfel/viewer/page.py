@@ -47,6 +47,8 @@ class Page:
         self._scales: list[NDArray[np.float32]] = []
         self._result: Any = None
         self._surface: Any = None
+        self._drawn = True
+        self._exact = False
         server.gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
         server.scene.set_up_direction("+z")
         server.initial_camera.position = (2.1, -2.8, 1.6)
@@ -89,7 +91,8 @@ class Page:
         with self.server.atomic():
             for disks, scales, keeps in zip(self._disks, self._scales, kept, strict=True):
                 disks.batched_scales = np.where(keeps, scales, np.float32(0.0))
-                disks.visible = True
+                disks.visible = self._drawn
+            self._exact = False
             if self._result is not None:
                 self._result.visible = False
 
@@ -110,7 +113,9 @@ class Page:
                 lod="off",
                 cast_shadow=False,
                 receive_shadow=False,
+                visible=self._drawn,
             )
+            self._exact = True
             for disks in self._disks:
                 disks.visible = False
 
@@ -135,11 +140,12 @@ class Page:
 
     def show_everything(self, visible: bool) -> None:
         """Show or hide all that browsers draw themselves, controls excepted."""
+        self._drawn = visible
         with self.server.atomic():
             for disks in self._disks:
-                disks.visible = visible and (self._result is None or not self._result.visible)
+                disks.visible = visible and not self._exact
             if self._result is not None:
-                self._result.visible = visible
+                self._result.visible = visible and self._exact
 
 
 def _disk() -> tuple[Floats, NDArray[np.int32]]:

@@ -20,8 +20,6 @@ from surfel.viewer.page import Page
 _MOST = 1_000_000
 """Pixels of a picture."""
 
-_IDLE = 2.0  # seconds between looks at whether all is up to date
-
 
 class Stream:
     """Draws for each client that wants it what its camera sees, as often as it can."""
@@ -99,7 +97,7 @@ class Stream:
     def _run(self) -> None:
         while True:
             with self._news:
-                self._news.wait_for(lambda: self._ended or bool(self._dirty), _IDLE)
+                self._news.wait_for(lambda: self._ended or bool(self._dirty))
                 if self._ended:
                     return
                 clients = [self._wanted[k] for k in self._dirty if k in self._wanted]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from surfel._numba import inlined, inner, kernel, rows, threads_for
 from surfel.core.cast import Floats, as_positive
 from surfel.core.errors import InputError
-from surfel.index.blocks import BLOCK, WIDTH
+from surfel.index.blocks import BLOCK, WIDTH, gather_group
 from surfel.index.hilbert import hilbert_order
 from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.judges.verdict import Verdict
@@ -228,19 +228,7 @@ def _add_up(first, last, surfels, nodes, levels, places, order, side, opening, n
 @inner
 def _group(places, order, first, stop, side):
     """Return how many of the next places fit a box of this side, at least one, its middle and its half diagonal."""
-    row = order[first]
-    lx = hx = places[row, 0]
-    ly = hy = places[row, 1]
-    lz = hz = places[row, 2]
-    count = 1
-    for i in range(first + 1, stop):
-        row = order[i]
-        x, y, z = places[row, 0], places[row, 1], places[row, 2]
-        nlx, nly, nlz, nhx, nhy, nhz = min(lx, x), min(ly, y), min(lz, z), max(hx, x), max(hy, y), max(hz, z)
-        if max(nhx - nlx, nhy - nly, nhz - nlz) > side:
-            break
-        lx, ly, lz, hx, hy, hz = nlx, nly, nlz, nhx, nhy, nhz
-        count += 1
+    count, lx, ly, lz, hx, hy, hz = gather_group(places, order, first, stop, side)
     dx, dy, dz = hx - lx, hy - ly, hz - lz
     middle = 0.5 * (lx + hx), 0.5 * (ly + hy), 0.5 * (lz + hz)
     return count, middle[0], middle[1], middle[2], 0.5 * math.sqrt(dx * dx + dy * dy + dz * dz)
