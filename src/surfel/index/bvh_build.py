@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel._numba import inlined, kernel
+from surfel.core.box import corners
 from surfel.core.cast import Floats
 from surfel.index.bvh_simd import LANES
 from surfel.index.hilbert import hilbert_order
@@ -61,7 +62,7 @@ def aligned(shape: tuple[int, ...]) -> NDArray[np.float32]:
 
 def _frame(vertices: Floats) -> tuple[float, Floats, float]:
     """Return powers of two that bring coordinates and sizes near 1, and the middle of the box between the two."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    low, high = corners(vertices)
     largest = float(max(np.abs(low).max(), np.abs(high).max()))
     scale = math.ldexp(1.0, min(1000, -math.frexp(largest)[1])) if largest > 0.0 else 1.0
     low, high = low * scale, high * scale

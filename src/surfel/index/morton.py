@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from surfel._numba import inlined, rows, threads_for
 from surfel._vec import tangent_frame
+from surfel.core.box import corners
 from surfel.core.cast import Floats, as_points, as_positive, as_rows, as_vector
 from surfel.core.errors import InputError
 from surfel.index.radix import index_bits, sort_packed
@@ -60,7 +61,7 @@ def morton_order_lines(
     if not len(start):
         return np.empty(0, np.int32)
     if center is None or radius is None:
-        low, high = start.min(axis=0), start.max(axis=0)
+        low, high = corners(start)
     middle = low * 0.5 + high * 0.5 if center is None else as_vector(center, "center")
     reach = float((high * 0.5 - low * 0.5).max()) * math.sqrt(3.0) if radius is None else as_positive(radius, "radius")
     return order_lines(start, along, middle, max(reach, np.finfo(np.float64).tiny))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from surfel.core.box import corners
 from surfel.core.cast import Floats, as_count, as_points, as_positive, read_only
 from surfel.core.errors import InputError
 from surfel.index.blocks import build_blocks
@@ -53,7 +54,7 @@ class PointIndex:
         given = as_points(points)
         if not len(given):
             raise InputError("points must hold at least one point; got none")
-        low, high = given.min(axis=0), given.max(axis=0)
+        low, high = corners(given)
         extent = float((high * 0.5 - low * 0.5).max()) * 2.0
         if extent and not _SMALLEST <= extent <= _LARGEST:
             raise InputError(

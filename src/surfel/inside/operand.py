@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from surfel.core.box import corners
 from surfel.core.cast import Booleans, Floats, as_points, as_rows, read_only
 from surfel.core.errors import InputError
 from surfel.index.neighbours import PointIndex
@@ -247,7 +248,7 @@ def _shared(points: Floats) -> Floats:
 def _bounds(points: Floats) -> Floats:
     if not len(points):
         return np.array([[np.inf] * 3, [-np.inf] * 3])
-    return np.stack([points.min(axis=0), points.max(axis=0)])
+    return corners(points)
 
 
 def _not_negative(value: ArrayLike, name: str, rows: int) -> Floats:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from surfel.core.box import corners
 from surfel.core.cast import Floats
 from surfel.io.content import Content
 from surfel.io.source import Source
@@ -72,7 +73,8 @@ class Spread:
             return cls(nothing, nothing, np.ones(values.shape[1], bool))
         finite = np.where(np.isfinite(values).all(axis=0), 0.0, np.nan)
         whole = (values == np.floor(values)).all(axis=0)
-        return cls(values.min(axis=0) + finite, values.max(axis=0) + finite, whole)
+        low, high = corners(values)
+        return cls(low + finite, high + finite, whole)
 
     def joined(self, other: Spread) -> Spread:
         """Return those of both tables together."""

@@ -11,6 +11,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
+from surfel.core.box import corners
 from surfel.io.columns import flat_columns
 from surfel.io.content import Content
 from surfel.io.e57_pages import DATA, HEADER, MAGIC, PAGE, paged
@@ -117,7 +118,7 @@ def _description(content: Content, columns: list[tuple[str, NDArray[Any]]], plac
     fields = "\n".join(_field(name, values) for name, values in columns)
     bounds = ""
     if len(content.points):
-        low, high = content.points.min(axis=0).tolist(), content.points.max(axis=0).tolist()
+        low, high = corners(content.points).tolist()
         bounds = "".join(
             f'<{axis}Minimum type="Float">{a!r}</{axis}Minimum><{axis}Maximum type="Float">{b!r}</{axis}Maximum>'
             for axis, a, b in zip("xyz", low, high, strict=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from surfel.core.box import corners
 from surfel.core.cast import Floats
 from surfel.io.content import Frame
 
@@ -27,7 +28,7 @@ def lattice_of(points: Floats, frame: Frame | None) -> tuple[Floats, Floats]:
     """
     if len(points) == 0:
         return _of(frame) or (np.full(3, 0.001), np.zeros(3))
-    box = np.stack([points.min(axis=0), points.max(axis=0)])
+    box = corners(points)
     given = _of(frame)
     if given is not None and _holds(box, *given) and _lie_on(points, *given):
         return given

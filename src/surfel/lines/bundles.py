@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel._numba import rows, threads_for
+from surfel.core.box import corners
 from surfel.core.cast import Floats
 from surfel.core.lines import Lines
 from surfel.lines.sequences import unit_points
@@ -68,11 +69,12 @@ class Bundles:
         ring, angle = np.sqrt(1.0 - height * height), _GOLDEN_ANGLE * step
         directions = np.stack([ring * np.cos(angle), ring * np.sin(angle), height], axis=1) @ turn.T
         across = np.stack([_frame(direction) for direction in directions])
-        centre = 0.5 * points.min(axis=0) + 0.5 * points.max(axis=0)
+        low, high = corners(points)
+        centre = 0.5 * low + 0.5 * high
         low, high = np.empty((number, 2)), np.empty((number, 2))
-        for b in range(number):
-            place = (points - centre) @ across[b].T
-            low[b], high[b] = place.min(axis=0) - margin, place.max(axis=0) + margin
+        with threads_for(number * len(points)):
+            _enclose(number, np.ascontiguousarray(points), centre, across, low, high)
+        low, high = low - margin, high + margin
         return cls(directions, across, low, high - low, random.random((number, 2)), centre)
 
     def measure(self, bundle: int) -> float:
@@ -99,6 +101,19 @@ class Bundles:
                 self.directions[which], measure, np.int64(total), lines.origins, lines.directions, lines.weights,
             )  # fmt: skip
         return lines
+
+
+@rows
+def _enclose(first, last, points, centre, across, low, high):
+    """Write the rectangle of each bundle over the points."""
+    for b in range(first, last):
+        for k in range(2):
+            x, y, z = across[b, k, 0], across[b, k, 1], across[b, k, 2]
+            least, most = np.inf, -np.inf
+            for i in range(len(points)):
+                place = (points[i, 0] - centre[0]) * x + (points[i, 1] - centre[1]) * y + (points[i, 2] - centre[2]) * z
+                least, most = min(least, place), max(most, place)
+            low[b, k], high[b, k] = least, most
 
 
 @rows

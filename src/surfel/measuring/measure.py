@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from surfel._numba import compile_seconds
+from surfel.core.box import corners
 from surfel.core.cast import as_choice, as_count, as_positive
 from surfel.core.errors import InputError
 from surfel.core.execute import Progress
@@ -178,7 +179,8 @@ def _body(shape: Shape, model: str, reference: str, lines: int) -> Ball | Orient
     if reference == "ball" or model != "tangent":
         return ball
     if lines < _WORTH_A_SEARCH and len(points) < lines:
-        upright = OrientedBox(0.5 * (points.min(axis=0) + points.max(axis=0)), np.eye(3), 0.5 * np.ptp(points, axis=0))
+        low, high = corners(points)
+        upright = OrientedBox(0.5 * (low + high), np.eye(3), 0.5 * (high - low))
         box = upright.grown(margin)
         return box if box.surface < ball.surface else ball
     box, cylinder = oriented_box(points).grown(margin), enclosing_cylinder(points).grown(margin)

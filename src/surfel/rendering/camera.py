@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from surfel.core.affine import rotation
-from surfel.core.cast import Floats, as_count, as_direction, as_number, as_points, as_positive, as_vector
+from surfel.core.box import corners
+from surfel.core.cast import Floats, as_count, as_direction, as_number, as_points, as_positive, as_rows, as_vector
 from surfel.core.errors import InputError
 from surfel.core.lines import Lines
 from surfel.shapes.base import CORNERS
@@ -116,8 +117,8 @@ class Camera:
         InputError
             If the box is not finite, or an argument is out of its range.
         """
-        box = np.asarray(bounds, np.float64)
-        if box.shape != (2, 3) or not np.isfinite(box).all():
+        box = as_rows(bounds, "bounds", 2)
+        if not np.isfinite(box).all():
             raise InputError("bounds must be the two finite corners of a box; give eye and target instead")
         return cls.around(box[CORNERS, range(3)], size, direction, up, field, orthographic)
 
@@ -137,7 +138,7 @@ class Camera:
             places = np.zeros((1, 3))
         toward = as_direction(direction, "direction")
         width, height = as_size(size)
-        low, high = places.min(axis=0), places.max(axis=0)
+        low, high = corners(places)
         middle = 0.5 * low + 0.5 * high
         radius = float(np.linalg.norm(high - middle)) or max(1.0, float(np.abs(middle).max())) * 1e-3
         start = cls(
@@ -148,7 +149,7 @@ class Camera:
         across = np.array([slope * width / height, slope]) / _MARGIN
         seen = (places - middle) @ frame.T
         if orthographic:
-            low, high = seen.min(axis=0), seen.max(axis=0)
+            low, high = corners(seen)
             shift, distance = 0.5 * (low + high)[:2], float((0.5 * (high - low)[:2] / across).max())
         else:
             shift, distance = _perspective_fit(seen, across)

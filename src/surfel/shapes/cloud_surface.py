@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from surfel.core.box import corners
 from surfel.core.cast import Floats
 from surfel.core.errors import InputError
 from surfel.core.lines import Lines
@@ -60,8 +61,7 @@ class CloudSurface:
         self._count = len(points)
         self._lock = threading.RLock()
         self._known: dict[str, Any] = {}
-        low = points.min(axis=0) if len(points) else np.zeros(3)
-        high = points.max(axis=0) if len(points) else np.zeros(3)
+        low, high = corners(points) if len(points) else np.zeros((2, 3))
         self.origin = 0.5 * low + 0.5 * high
         extent = float((0.5 * high - 0.5 * low).max())
         if not extent < 1e150:

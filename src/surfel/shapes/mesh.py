@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfel.core.affine import as_affine
+from surfel.core.box import corners
 from surfel.core.cast import Floats, as_count, as_points, read_only
 from surfel.core.crossings import Crossings
 from surfel.core.errors import InputError
@@ -85,7 +86,7 @@ class Mesh(Shape):
         if not len(self):
             raise InputError("a mesh without triangles has no bounds")
         used = self._vertices[self._used]
-        return read_only(np.stack([used.min(axis=0), used.max(axis=0)]))
+        return read_only(corners(used))
 
     @property
     def area(self) -> float:

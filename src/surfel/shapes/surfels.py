@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from surfel.core.affine import as_affine
+from surfel.core.box import corners
 from surfel.core.cast import Floats, as_choice, as_points, as_rows, read_only
 from surfel.core.crossings import Crossings
 from surfel.core.errors import InputError
@@ -211,7 +212,7 @@ class Surfels(Shape):
         """The lowest and the highest corner, shape (2, 3)."""
         if len(self) == 0:
             raise InputError("an empty cloud has no bounds")
-        return np.stack([self._points.min(axis=0), self._points.max(axis=0)])
+        return corners(self._points)
 
     @property
     def surface(self) -> CloudSurface:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from surfel.core.box import corners
 from surfel.core.cast import Floats
 from surfel.shapes.base import Shape
 from surfel.shapes.surfels import Surfels
@@ -45,7 +46,7 @@ def lid_of(tree: Shape, settings: Settings) -> Lid:
 
 def _triangles(spline: SafeSpline, points: Floats) -> tuple[Floats, NDArray[np.int32]]:
     """Return a grid of triangles on the surface, over where it is trimmed to."""
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = corners(points)
     x, y = (np.linspace(low[k], high[k], _STEPS) for k in (0, 1))
     place = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     height = spline(np.column_stack([place, np.full(len(place), low[2])]))
