@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import surfel
-from booleans_with_truth import PI, area, ball, sampled
+from booleans_with_truth import PI, area, ball
 from surfel import Box, Cylinder, HalfSpace, Intersection, Sphere
 
 SPACING = 0.05
@@ -90,15 +90,6 @@ def test_a_vast_solid_costs_no_more_than_what_it_cuts():
     result = surfel.combine(ball(5000) - vast)
     assert area(result) == pytest.approx(3.0 * PI, rel=2e-3)
     assert len(result.surfels) < 6000
-
-
-def test_an_equation_alone_cannot_be_sampled_but_can_cut():
-    blob = surfel.Polynomial.of("x^2 + y^2 + z^2 - 1/4") if hasattr(surfel.Polynomial, "of") else None
-    if blob is None:
-        quadric = surfel.Quadric(np.diag([1.0, 1.0, 1.0, -0.25]))
-        blob = quadric
-    with pytest.raises(surfel.InputError, match="cannot be sampled"):
-        surfel.combine(sampled(Sphere(1.0).translated((0.5, 0, 0)), 3000) - blob)
 
 
 def test_the_seed_decides_where_surfels_of_solids_lie():

@@ -16,8 +16,11 @@ from surfel.inside.coincidence import ALIGNED, DISTANCE
 from surfel.inside.operand import Operand
 from surfel.inside.sheets import NEIGHBOURS, side_of_sheets
 
-_SLACK = (2.2, 1.4, 1.0)
+_SLACK = (1.5, 1.2, 1.0)
 """So often is the cut looked for, each time from where it was found; what is farther off, in reaches, is let go."""
+
+_VOID = 1.5
+"""No place of a surface is farther than this from the nearest surfel, in spacings; so what is farther is not cut."""
 
 _FLAT = 1e-3  # square of the sine below which a sheet and a tangent plane do not meet near by
 _BENT = 0.8  # least cosine with the tangent plane of a sheet that goes on from a coincident one
@@ -31,6 +34,7 @@ def cut_by_cloud(
     reach: Floats,
     chosen: NDArray[np.int64],
     sides: NDArray[np.uint8],
+    around: tuple[Floats, NDArray[np.int32]],
 ) -> Model:
     """Return where the surface of a cloud cuts some surfels.
 
@@ -51,18 +55,24 @@ def cut_by_cloud(
         Which of them may be cut at all, ascending.
     sides : NDArray[np.uint8], shape (n,)
         Those of their centres. Where one is on the surface, the sheet that lies as the surfel does is that surface.
+    around : Floats, NDArray[np.int32], shape (m, k)
+        What :func:`nearest_to` says of the chosen ones.
     """
-    m, k = len(chosen), min(NEIGHBOURS, len(operand))
-    if not m or not k:
+    if not len(chosen) or not len(operand):
         return Model.none()
-    centres = operand.local(points[chosen])
-    upright, far = np.ascontiguousarray(normals[chosen]), np.ascontiguousarray(reach[chosen])
+    squares, near = around
+    close = np.sqrt(squares[:, 0]) <= reach[chosen] + _VOID * operand.spacings[near[:, 0]]
+    chosen, squares, near = chosen[close], squares.compress(close, axis=0), near.compress(close, axis=0)
+    centres = operand.local(points.take(chosen, axis=0))
+    upright, far = normals.take(chosen, axis=0), reach[chosen]
     places = centres.copy()
     here = sides[chosen].astype(np.int64)
-    for slack in _SLACK:
+    met = np.empty(0, np.int64)
+    for step, slack in enumerate(_SLACK):
         m = len(chosen)
         lines, count, table = np.zeros((m, MOST, 3)), np.zeros(m, np.int64), np.zeros((m, 1 << MOST), np.uint8)
-        squares, near = operand.index._nearest(places, np.arange(m, dtype=np.int32), k, own=False)
+        if step:
+            squares, near = nearest_to(operand, places)
         with threads_for(16 * m):
             _meet(
                 m, operand.points, operand.normals, operand.spacings, squares, near, centres, upright, far, here, slack,
@@ -70,8 +80,15 @@ def cut_by_cloud(
             )  # fmt: skip
         met = np.flatnonzero(count > 0)
         chosen, here = chosen[met], here[met]
-        centres, upright, far, places = centres[met], upright[met], far[met], places[met]
+        centres, upright, places = (each.take(met, axis=0) for each in (centres, upright, places))
+        far = far[met]
     return Model(chosen, lines[met], count[met], table[met])
+
+
+def nearest_to(operand: Operand, places: Floats) -> tuple[Floats, NDArray[np.int32]]:
+    """Return the squared distances to the surfels nearest to local places, and their rows."""
+    k = min(NEIGHBOURS, len(operand))
+    return operand.index._nearest(places, np.arange(len(places), dtype=np.int32), k, own=False)
 
 
 @rows

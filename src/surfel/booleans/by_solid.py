@@ -29,6 +29,7 @@ _OFF = 0.08  # a hit farther than this share of the reach from all lines asks fo
 _CHORDS = np.array([-0.55, 0.0, 0.55])
 _ANGLES = np.pi * np.arange(4) / 4.0
 _PROBES = 7
+_BESIDE = 0.03  # of the reach
 
 
 class SolidLeaf(Leaf):
@@ -205,6 +206,7 @@ class SolidLeaf(Leaf):
         inside = u * u + v * v <= 1.0
         probes = np.stack([u[inside], v[inside]], axis=1)
         uv = probes[None] * part.reach[rows][:, None, None]
+        uv = np.concatenate([uv, *_beside(lines, part.reach[rows])], axis=1)
         at = part.points[rows][:, None] + uv[..., :1] * across[:, None] + uv[..., 1:] * along[:, None]
         depth = self._offsets(part, rows, sides)
         shift = (depth[:, None] * part.normals[rows])[:, None]
@@ -219,6 +221,16 @@ class SolidLeaf(Leaf):
             above = uv[..., 0] * lines[:, None, j, 0] + uv[..., 1] * lines[:, None, j, 1] > lines[:, None, j, 2]
             cell |= (above & (count[:, None] > j)).astype(np.int64) << j
         return _most(cell, lower) * np.uint8(SAME) | _most(cell, upper) * np.uint8(OPPOSED)
+
+
+def _beside(lines: Floats, reach: Floats) -> list[Floats]:
+    """Return a place on either side of each line, where it is nearest to the centre."""
+    has = np.isfinite(lines[..., 2])
+    foot = np.where(has, lines[..., 2], 0.0)
+    return [
+        (foot + turn * _BESIDE * reach[:, None])[..., None] * np.where(has[..., None], lines[..., :2], 0.0)
+        for turn in (-1.0, 1.0)
+    ]
 
 
 def _most(cell: NDArray[np.int64], inside: NDArray[np.bool_]) -> NDArray[np.uint8]:

@@ -18,7 +18,7 @@ CORNERS = 16
 """Most corners of a cell."""
 
 _ALIKE = 0.5  # neighbours whose normals make a smaller cosine lie on another sheet
-_WIDEST = 1.5  # half the side of the square that a cell is cut out of, in spacings
+_WIDEST = 1.5  # half the side of the box that a cell is cut out of, in spacings
 
 
 EDGES = 2
@@ -45,7 +45,7 @@ class Cells(NamedTuple):
     edges: Floats
 
 
-def cells_of(operand: Operand, chosen: NDArray[np.int64]) -> Cells:
+def cells_of(operand: Operand, chosen: NDArray[np.int64], boxes: Floats | None = None) -> Cells:
     """Return the tangent Voronoi cells of some surfels, which end at sharp edges.
 
     Neighbours are laid into the tangent plane without shortening the way to them, so that cells tile a bent surface.
@@ -56,7 +56,9 @@ def cells_of(operand: Operand, chosen: NDArray[np.int64]) -> Cells:
         The cloud.
     chosen : NDArray[np.int64], shape (m,)
         Sorted rows.
-
+    boxes : Floats, shape (m, 2, 2), optional
+        Half axes of boxes in the tangent planes, 1.5 times as large as which no cell becomes; by default squares of
+        the local spacing.
     """
     m = len(chosen)
     found = Cells(np.zeros((m, CORNERS, 2)), np.zeros(m, np.int64), np.zeros((m, EDGES, 3)))
@@ -64,7 +66,9 @@ def cells_of(operand: Operand, chosen: NDArray[np.int64]) -> Cells:
     if not m:
         return found
     near = operand.index.knn(k, chosen)[1] if k > 0 else np.empty((m, 0), np.int32)
-    half = _WIDEST * np.maximum(operand.spacings[chosen], 1e-300)
+    if boxes is None:
+        boxes = np.maximum(operand.spacings[chosen], 1e-300)[:, None, None] * np.eye(2)
+    half = _WIDEST * boxes
     with threads_for(16 * m):
         _cut_out(m, operand.points, operand.normals, np.asarray(chosen, np.int64), near, half, *found)
     return found
@@ -93,8 +97,11 @@ def _cut_out(first, last, points, normals, chosen, near, half, corners, counts, 
         i = chosen[row]
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
         ex, ey, ez, fx, fy, fz = tangent_frame(nx, ny, nz)
-        h = half[row]
-        px[0], py[0], px[1], py[1], px[2], py[2], px[3], py[3] = -h, -h, h, -h, h, h, -h, h
+        ax, ay, bx, by = half[row, 0, 0], half[row, 0, 1], half[row, 1, 0], half[row, 1, 1]
+        if ax * by < ay * bx:
+            bx, by = -bx, -by
+        px[0], py[0], px[1], py[1] = -ax - bx, -ay - by, ax - bx, ay - by
+        px[2], py[2], px[3], py[3] = ax + bx, ay + by, bx - ax, by - ay
         count = 4
         for a in range(near.shape[1]):
             j = near[row, a]

@@ -8,20 +8,20 @@ from collections.abc import Callable
 import numpy as np
 
 from surfel._numba import compile_seconds
-from surfel.booleans.assemble import Cut, Kept, assembled
+from surfel.booleans.assemble import Cut, assembled
 from surfel.booleans.by_solid import SolidLeaf
 from surfel.booleans.join import joined
+from surfel.booleans.kept import Kept
 from surfel.booleans.leaf import CloudLeaf, Leaf
 from surfel.booleans.part import Part
 from surfel.booleans.result import Combination
-from surfel.booleans.sampling import DEFAULT, surfels_of
+from surfel.booleans.sampling import DEFAULT, size_of, surfels_of
 from surfel.booleans.sides import Rule, Sides, as_tree, is_sheet
 from surfel.core.cast import Booleans, Floats, as_choice, as_count, as_positive
 from surfel.core.errors import InputError
 from surfel.inside.classify import SHEETS
 from surfel.inside.judges import NAMES
 from surfel.shapes.base import Shape
-from surfel.shapes.elements import rough_area
 from surfel.shapes.extent import bounded, boxes_of, is_empty
 from surfel.shapes.program import where_leaves_matter
 from surfel.shapes.surfels import Surfels
@@ -75,8 +75,7 @@ def combine(
     Raises
     ------
     InputError
-        If an argument cannot be used, a sheet is subtracted or two are intersected, an exact operand has no end, or
-        its surface cannot be sampled.
+        If an argument cannot be used, a sheet is subtracted or two are intersected, or an exact operand has no end.
 
     Notes
     -----
@@ -193,7 +192,7 @@ class _Work:
         fine = [value for value in clouds if value > 0.0]
         if fine:
             return min(fine)
-        sizes = [rough_area(self.tree.leaves[k], self.frame) for k in self.exact if not is_empty(self.reach[k])]
+        sizes = [size_of(self.tree.leaves[k], self.frame) for k in self.exact if not is_empty(self.reach[k])]
         return float(np.sqrt(sum(sizes) / DEFAULT)) or 1.0
 
     def solid(self) -> bool | None:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel.booleans.assemble import Born, Kept
+from surfel.booleans.cells import frames_of
 from surfel.booleans.interpolate import Blend
+from surfel.booleans.kept import Born, Kept
 from surfel.booleans.part import Part
 from surfel.core.cast import Floats, read_only
 from surfel.shapes.clips import Clips
@@ -30,9 +31,8 @@ def joined(parts: list[Part], kept: list[Kept], solid: bool | None) -> Surfels:
     normals = np.concatenate([piece.normals for piece in pieces])
     radii = np.concatenate([piece.radii for piece in pieces])
     cloud = Surfels._adopted(points, normals, radii, _colors(pieces), _attributes(pieces), {})
-    if all(piece.axes is not None for piece in pieces if len(piece.points)):
-        known = [piece.axes for piece in pieces if piece.axes is not None]
-        cloud._axes = read_only(np.concatenate(known)) if known else None
+    if any(piece.axes is not None for piece in pieces):
+        cloud._axes = read_only(np.concatenate([_axes_of(piece) for piece in pieces]))
     cloud._solid = solid
     cloud._clips = _clips(parts, kept)
     return cloud
@@ -54,8 +54,8 @@ def _surfels(part: Part, left: Kept) -> _Piece:
     cloud = part.cloud
     row = part.order[left.rows]
     piece = _Piece(
-        cloud.points[row],
-        part.normals[left.rows],
+        cloud.points.take(row, axis=0),  # of many rows it is faster than an index
+        part.normals.take(left.rows, axis=0),
         part.radii[left.rows],
         None if cloud.colors is None else cloud.colors[row],
         {name: value[row] for name, value in cloud.attributes.items()},
@@ -77,7 +77,17 @@ def _interpolate(piece: _Piece, part: Part, left: Kept, born: Born) -> None:
         piece.colors[born.rows] = blend.colors(part.cloud.colors)
     for name, value in blend.attributes(part.cloud.attributes).items():
         piece.attributes[name][born.rows] = value
-    piece.axes = None
+    if piece.axes is not None:
+        piece.axes[born.rows] = _round_axes(piece.normals[born.rows], born.radii)
+
+
+def _axes_of(piece: _Piece) -> Floats:
+    """Return the half axes of ellipses; those of disks are equal."""
+    return _round_axes(piece.normals, piece.radii) if piece.axes is None else piece.axes
+
+
+def _round_axes(normals: Floats, radii: Floats) -> Floats:
+    return np.asarray(np.stack(frames_of(normals), axis=1) * radii[:, None, None])
 
 
 def _clips(parts: list[Part], kept: list[Kept]) -> Clips:

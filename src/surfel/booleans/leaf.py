@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel.booleans.by_cloud import cut_by_cloud
+from surfel.booleans.by_cloud import cut_by_cloud, nearest_to
 from surfel.booleans.model import Model
 from surfel.booleans.part import Part
 from surfel.booleans.sides import FROM_KIND, OPPOSED, SAME
@@ -53,6 +53,7 @@ class CloudLeaf(Leaf):
         self.cloud = cloud
         self.box = cloud.bounds
         self._judge = cloud.judge or judge
+        self._around: dict[int, tuple[Floats, NDArray[np.int32]]] = {}
 
     @property
     def classifier(self) -> Classifier:
@@ -63,24 +64,24 @@ class CloudLeaf(Leaf):
         """Sift by blocks; what lies near the border may be cut."""
         found = self.classifier.classify(part.operand, reach=float(part.reach.max(initial=0.0)))
         sides = FROM_KIND[found.kind]
-        near = found.near.copy()
-        self._find_same_places(part, found.judged, sides, near)
-        return sides, np.flatnonzero(near)
-
-    def _find_same_places(
-        self, part: Part, rows: NDArray[np.int64], sides: NDArray[np.uint8], may_be_cut: NDArray[np.bool_]
-    ) -> None:
-        """Mark surfels that lie where one of the cloud does: that says more than the sheets round it, and cuts none."""
+        rows = np.flatnonzero(found.near)
         operand = self.classifier.operand
         if not len(rows) or not len(operand):
-            return
-        places = operand.local(part.points[rows])
-        squares, near = operand.index._nearest(places, np.arange(len(rows), dtype=np.int32), 1, own=False)
-        there = near[:, 0]
+            return sides, rows
+        squares, near = nearest_to(operand, operand.local(part.points[rows]))
+        apart = ~self._find_same_places(part, rows, sides, squares[:, 0], near[:, 0])
+        self._around[part.leaf] = squares[apart], near[apart]
+        return sides, rows[apart]
+
+    def _find_same_places(
+        self, part: Part, rows: NDArray[np.int64], sides: NDArray[np.uint8], square: Floats, there: NDArray[np.int32]
+    ) -> NDArray[np.bool_]:
+        """Tell which surfels lie where one of the cloud does: that says more than the sheets, and cuts none."""
+        operand = self.classifier.operand
         cosine = np.einsum("ij,ij->i", part.normals[rows], operand.normals[there])
-        here = (squares[:, 0] <= (_SAME_PLACE * operand.spacings[there]) ** 2) & (np.abs(cosine) > ALIGNED)
+        here = (square <= (_SAME_PLACE * operand.spacings[there]) ** 2) & (np.abs(cosine) > ALIGNED)
         sides[rows[here]] = np.where(cosine[here] > 0.0, SAME, OPPOSED)
-        may_be_cut[rows[here]] = False
+        return np.asarray(here)
 
     def sift(self, points: Floats, normals: Floats, reach: float) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
         """Sift places one by one."""
@@ -89,4 +90,7 @@ class CloudLeaf(Leaf):
 
     def cut(self, part: Part, rows: NDArray[np.int64], sides: NDArray[np.uint8]) -> Model:
         """Meet the sheets near the surfels."""
-        return cut_by_cloud(self.classifier.operand, part.points, part.normals, part.reach, rows, sides)
+        if part.leaf not in self._around:
+            return Model.none()
+        around = self._around.pop(part.leaf)
+        return cut_by_cloud(self.classifier.operand, part.points, part.normals, part.reach, rows, sides, around)

@@ -53,15 +53,46 @@ class Part:
 
     @cached_property
     def radii(self) -> Floats:
-        """The radii of their disks, shape (n,)."""
-        if self.cloud.radii is None:
-            return np.asarray(RADIUS * self.operand.spacings)
-        return np.asarray(self.cloud.radii[self.operand.order])
+        """The radii of their disks, of ellipses those of disks of the same size, shape (n,)."""
+        if self.cloud.radii is not None:
+            return np.asarray(self.cloud.radii[self.order])
+        if self.axes is not None:
+            return np.asarray(np.sqrt(np.linalg.norm(self.axes, axis=2).prod(axis=1)))
+        return np.asarray(RADIUS * self.operand.spacings)
+
+    @cached_property
+    def axes(self) -> Floats | None:
+        """The half axes of their ellipses, shape (n, 2, 3); None where they are disks."""
+        return None if self.cloud.axes is None else np.asarray(self.cloud.axes[self.order])
+
+    @cached_property
+    def extents(self) -> Floats:
+        """How far each disk or ellipse reaches from its centre, shape (n,)."""
+        return self.radii if self.axes is None else np.asarray(np.linalg.norm(self.axes, axis=2).max(axis=1))
 
     @cached_property
     def reach(self) -> Floats:
         """How far from its centre each may be cut: its disk, and its cell where that is larger, shape (n,)."""
-        return np.maximum(self.radii, RADIUS * self.operand.spacings)
+        return np.maximum(self.extents, RADIUS * self.operand.spacings)
+
+    def disks(self, rows: NDArray[np.int64]) -> Floats:
+        """Return the half axes of some of them in their tangent frames, shape (m, 2, 2); of disks any two."""
+        if self.axes is None:
+            return np.asarray(self.radii[rows][:, None, None] * np.eye(2))
+        frame = np.stack(frames_of(self.normals[rows]), axis=1)
+        return np.asarray(np.einsum("iaj,ibj->iab", self.axes[rows], frame))
+
+    def boxes(self, rows: NDArray[np.int64]) -> Floats | None:
+        """Return half axes of the boxes that their cells are cut out of, shape (m, 2, 2); None where they are disks.
+
+        As long and narrow as the ellipses, and no smaller than the box of a disk of the local spacing.
+        """
+        if self.axes is None:
+            return None
+        axes = self.disks(rows)
+        size = np.sqrt(np.linalg.norm(axes, axis=2).prod(axis=1))
+        least = RADIUS * self.operand.spacings[rows] / np.maximum(size, 1e-300)
+        return np.asarray(axes * np.maximum(least, 1.0)[:, None, None])
 
     @cached_property
     def areas(self) -> Floats:

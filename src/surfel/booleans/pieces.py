@@ -8,14 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import kernel
+from surfel._numba import inner, kernel
 from surfel.booleans.cells import CORNERS, EDGES, Cells, area_and_middle, clip_polygon
 from surfel.core.cast import Floats
 
 LINES = 12
 """Most lines that cut one surfel; further ones are left out."""
 
-_SIDES = 16  # of the polygon round a disk
+_SIDES = 16  # of the polygon round a disk or an ellipse
+_ROUND = 1.0 / math.cos(math.pi / _SIDES)
 _ROOM = CORNERS + _SIDES + 2 * LINES + EDGES + 4
 _SLIVER = 1e-3  # parts of a disk smaller than this share are left out, unless they hold some of the cell
 
@@ -43,13 +44,13 @@ class Pieces(NamedTuple):
     area: Floats
     middle: Floats
 
-    def chosen(self, rows: NDArray[np.generic]) -> Pieces:
+    def chosen(self, rows: NDArray[np.generic] | slice) -> Pieces:
         """Return some of the pieces."""
         return Pieces(*(column[rows] for column in self))
 
 
 def parted(
-    starts: NDArray[np.int64], lines: Floats, radii: Floats, cells: Cells,
+    starts: NDArray[np.int64], lines: Floats, disks: Floats, cells: Cells,
     before: tuple[NDArray[np.int64], Floats],
 ) -> Pieces:  # fmt: skip
     """Part surfels by their lines.
@@ -60,28 +61,28 @@ def parted(
         Where the lines of each surfel start.
     lines : Floats, shape (k, 3)
         ``a u + b v = d`` in the tangent plane.
-    radii : Floats, shape (m,)
-        Of the disks.
+    disks : Floats, shape (m, 2, 2)
+        Half axes of the disks and ellipses, in the tangent planes.
     cells : Cells
         What each stands for.
     before : NDArray[np.int64], shape (m + 1,), and Floats, shape (j, 3)
         Lines that cut the surfels off already: what is above them is gone.
     """
-    room = 8 * len(radii) + 64
+    room = 8 * len(disks) + 64
     while True:
         found = Pieces(
             np.empty(room, np.int64), np.empty(room, np.int64), np.empty(room, np.int64), np.empty(room),
             np.empty((room, 2)),
         )  # fmt: skip
-        written = _part(starts, lines, radii, *cells, *before, *found)
+        written = _part(starts, lines, disks, *cells, *before, *found)
         if written <= room:
-            return found.chosen(np.arange(written))
+            return found.chosen(slice(written))
         room = written
 
 
 @kernel
 def _part(
-    starts, lines, radii, corners, counts, edges, gone_starts, gone, out_row, out_used, out_above, out_area, out_middle
+    starts, lines, disks, corners, counts, edges, gone_starts, gone, out_row, out_used, out_above, out_area, out_middle
 ):
     """Split every surfel by one line after the other, depth first; return how many pieces there are."""
     levels = LINES + 1
@@ -93,11 +94,14 @@ def _part(
         np.zeros(levels + 1, np.int64),
     )
     written = 0
-    for row in range(len(radii)):
-        r = radii[row]
+    for row in range(len(disks)):
+        ax, ay, bx, by = disks[row, 0, 0], disks[row, 0, 1], disks[row, 1, 0], disks[row, 1, 1]
+        if ax * by < ay * bx:
+            bx, by = -bx, -by
         for s in range(_SIDES):
             turn = 2.0 * math.pi * s / _SIDES
-            dx[0, s], dy[0, s] = r * math.cos(turn), r * math.sin(turn)
+            a, b = _ROUND * math.cos(turn), _ROUND * math.sin(turn)
+            dx[0, s], dy[0, s] = a * ax + b * bx, a * ay + b * by
         nd[0] = _SIDES
         for c in range(counts[row]):
             cx[0, c], cy[0, c] = corners[row, c, 0], corners[row, c, 1]
@@ -109,7 +113,7 @@ def _part(
         for e in range(EDGES):
             if edges[row, e, 2] < math.inf:
                 nd[0] = _trim(dx, dy, nd[0], edges[row, e, 0], edges[row, e, 1], edges[row, e, 2])
-        whole = area_and_middle(dx[0], dy[0], nd[0])[0]
+        whole, full = area_and_middle(dx[0], dy[0], nd[0])[0], area_and_middle(cx[0], cy[0], nc[0])[0]
         total = min(starts[row + 1] - starts[row], LINES)
         depth = 0
         side[0] = used[0] = above[0] = 0
@@ -133,20 +137,34 @@ def _part(
             line = starts[row] + depth
             sign = -1.0 if up else 1.0
             a, b, d = sign * lines[line, 0], sign * lines[line, 1], sign * lines[line, 2]
+            passed = _passes(dx[depth], dy[depth], nd[depth], a, b, d) or _passes(
+                cx[depth], cy[depth], nc[depth], a, b, d
+            )
             nd[depth + 1] = clip_polygon(dx[depth], dy[depth], nd[depth], a, b, d, dx[depth + 1], dy[depth + 1])
             nc[depth + 1] = clip_polygon(cx[depth], cy[depth], nc[depth], a, b, d, cx[depth + 1], cy[depth + 1])
             disk = area_and_middle(dx[depth + 1], dy[depth + 1], nd[depth + 1])[0]
-            if disk < _SLIVER * whole:
+            if disk <= _SLIVER * whole:
                 cell = area_and_middle(cx[depth + 1], cy[depth + 1], nc[depth + 1])[0]
-                if cell < 1e-6 * whole:
+                if cell <= 1e-6 * max(whole, full):
                     continue
             bit = np.int64(1) << depth
             side[depth + 1] = 0
             # a line that leaves a sliver of the other side bounds the piece all the same
-            used[depth + 1] = used[depth] | bit
+            used[depth + 1] = used[depth] | (bit if passed else np.int64(0))
             above[depth + 1] = above[depth] | (bit if up else np.int64(0))
             depth += 1
     return written
+
+
+@inner
+def _passes(x, y, count, a, b, d):
+    """Tell whether a line leaves something of a polygon on both sides."""
+    below = above = False
+    for c in range(count):
+        over = a * x[c] + b * y[c] - d
+        below |= over < 0.0
+        above |= over > 0.0
+    return below and above
 
 
 @kernel
@@ -173,6 +191,7 @@ def merged(pieces: Pieces, fate: NDArray[np.int8]) -> tuple[Pieces, NDArray[np.i
     Pieces, NDArray[np.int8]
         Fewer, and their fates.
     """
+    pieces = pieces._replace(above=pieces.above & pieces.used)  # which side of a line that passes by says nothing
     every = int(np.bitwise_or.reduce(pieces.used, initial=0))
     for line in reversed(range(every.bit_length())):
         bit = np.int64(1) << line

@@ -12,12 +12,12 @@ from surfel.core.cast import Floats
 from surfel.core.errors import InputError
 from surfel.core.patches import Patches
 from surfel.shapes.base import Shape
-from surfel.shapes.elements import can_be_sampled, elements_of
+from surfel.shapes.elements import can_be_sampled, elements_of, rough_area
 from surfel.shapes.extent import half_space_of
 from surfel.shapes.mesh import Mesh
-from surfel.shapes.placed import Placed
 from surfel.shapes.primitives.primitive import square_points
 from surfel.shapes.sample_apart import eliminate, keep_apart
+from surfel.shapes.sample_lines import OfLines
 from surfel.shapes.sample_mesh import OfMesh
 from surfel.shapes.surfels import Surfels
 
@@ -47,7 +47,7 @@ def surfels_of(leaf: Shape, box: Floats, spacing: float, wanted: Keep, seed: int
     Parameters
     ----------
     leaf : Shape
-        A primitive or a mesh.
+        A primitive or a mesh; one that is known by its equation alone is crossed with lines.
     box : Floats, shape (2, 3)
         Where the surface is of account.
     spacing : float
@@ -60,18 +60,12 @@ def surfels_of(leaf: Shape, box: Floats, spacing: float, wanted: Keep, seed: int
     Raises
     ------
     InputError
-        If the leaf is known by its equation alone, or more than 4 million surfels would be needed.
+        If more than 4 million surfels would be needed.
     """
-    if not can_be_sampled(leaf):
-        name = type(leaf.shape if isinstance(leaf, Placed) else leaf).__name__
-        raise InputError(
-            f"the surface of a {name} cannot be sampled, for it is known by its equation alone; "
-            "measure the tree instead"
-        )
     rng = np.random.default_rng((seed, 17))
     margin = 3.0 * spacing
     region = box + np.array([[-margin], [margin]])
-    draw, area = _of_mesh(leaf, region) if isinstance(leaf, Mesh) else _of_squares(leaf, region)
+    draw, area = _source(leaf, region)
     count = _CANDIDATES * area / spacing**2
     if count > _MOST:
         raise InputError(
@@ -93,6 +87,21 @@ def surfels_of(leaf: Shape, box: Floats, spacing: float, wanted: Keep, seed: int
 
 
 Draw = Callable[[int, np.random.Generator], tuple[Floats, Floats]]
+
+
+def size_of(leaf: Shape, box: Floats) -> float:
+    """Return about the area of an exact solid, a half-space's and an equation's in the box."""
+    return rough_area(leaf, box) if can_be_sampled(leaf) else OfLines(leaf, box).area
+
+
+def _source(leaf: Shape, region: Floats) -> tuple[Draw, float]:
+    """Return what draws from a leaf, and of which area."""
+    if isinstance(leaf, Mesh):
+        return _of_mesh(leaf, region)
+    if can_be_sampled(leaf):
+        return _of_squares(leaf, region)
+    lines = OfLines(leaf, region)
+    return lines.random, lines.area
 
 
 def _of_mesh(mesh: Mesh, region: Floats) -> tuple[Draw, float]:

@@ -46,16 +46,16 @@ class Parts(NamedTuple):
     fate: NDArray[np.int8]
 
 
-def levels_for(radii: Floats, level: int | None, tolerance: float | None) -> NDArray[np.int64]:
-    """Return how often each surfel is halved: a disk of the last level reaches over the cut by its radius at most."""
+def levels_for(extents: Floats, level: int | None, tolerance: float | None) -> NDArray[np.int64]:
+    """Return how often each is halved: a disk of the last level reaches over the cut by its radius at most."""
     if tolerance is None:
-        return np.full(len(radii), USUAL if level is None else level, np.int64)
-    steps = np.ceil(np.log2(np.maximum(math.sqrt(2.0) * radii / tolerance, 1.0)))
+        return np.full(len(extents), USUAL if level is None else level, np.int64)
+    steps = np.ceil(np.log2(np.maximum(math.sqrt(2.0) * extents / tolerance, 1.0)))
     return np.clip(steps, 1, DEEPEST).astype(np.int64)
 
 
 def split(
-    starts: NDArray[np.int64], lines: Floats, radii: Floats, cells: Cells,
+    starts: NDArray[np.int64], lines: Floats, disks: Floats, cells: Cells,
     before: tuple[NDArray[np.int64], Floats], pieces: Pieces, fate: NDArray[np.int8], levels: NDArray[np.int64],
     chosen: NDArray[np.bool_],
 ) -> Parts:  # fmt: skip
@@ -63,7 +63,7 @@ def split(
 
     Parameters
     ----------
-    starts, lines, radii, cells, before
+    starts, lines, disks, cells, before
         As for :func:`surfel.booleans.pieces.parted`.
     pieces, fate : Pieces, NDArray[np.int8]
         All pieces as they were parted, and what becomes of each.
@@ -73,14 +73,14 @@ def split(
         Which surfels to divide.
     """
     order = np.argsort(pieces.row, kind="stable")
-    piece_starts = np.searchsorted(pieces.row[order], np.arange(len(radii) + 1))
-    room = 32 * len(radii) + 64
+    piece_starts = np.searchsorted(pieces.row[order], np.arange(len(disks) + 1))
+    room = 32 * len(disks) + 64
     while True:
         out = Parts(
             np.empty(room, np.int64), np.empty((room, 2)), np.empty(room), np.empty(room), np.empty(room, np.int8)
         )
         written = _split(
-            starts, lines, radii, *cells, *before, piece_starts, pieces.above[order], fate[order], levels, chosen, *out
+            starts, lines, disks, *cells, *before, piece_starts, pieces.above[order], fate[order], levels, chosen, *out
         )
         if written <= room:
             return Parts(out[0][:written], out[1][:written], out[2][:written], out[3][:written], out[4][:written])
@@ -89,26 +89,25 @@ def split(
 
 @kernel
 def _split(
-    starts, lines, radii, corners, counts, edges, gone_starts, gone, piece_starts, above, fate, levels, chosen,
+    starts, lines, disks, corners, counts, edges, gone_starts, gone, piece_starts, above, fate, levels, chosen,
     out_row, out_middle, out_radius, out_area, out_fate,
 ):  # fmt: skip
     stack = np.empty((4 * (DEEPEST + 2), 3))
     depth = np.empty(4 * (DEEPEST + 2), np.int64)
     px, py, qx, qy = np.empty(_ROOM), np.empty(_ROOM), np.empty(_ROOM), np.empty(_ROOM)
     written = 0
-    for row in range(len(radii)):
+    for row in range(len(disks)):
         if not chosen[row]:
             continue
-        r = radii[row]
+        ax, ay, bx, by = disks[row, 0, 0], disks[row, 0, 1], disks[row, 1, 0], disks[row, 1, 1]
         stack[0, 0] = stack[0, 1] = 0.0
-        stack[0, 2] = r
+        stack[0, 2] = math.sqrt(max(ax * ax + ay * ay, bx * bx + by * by))
         depth[0] = 0
         top = 1
         while top > 0:
             top -= 1
             u, v, half, level = stack[top, 0], stack[top, 1], stack[top, 2], depth[top]
-            du, dv = max(abs(u) - half, 0.0), max(abs(v) - half, 0.0)
-            if du * du + dv * dv >= r * r:
+            if not _meets(u, v, half, ax, ay, bx, by):
                 continue
             if level < levels[row] and (
                 level == 0 or _passed(row, u, v, half, starts, lines, edges, gone_starts, gone)
@@ -130,13 +129,37 @@ def _split(
             count = clip_polygon(px, py, np.int64(count), 0.0, 1.0, v + half, qx, qy)
             count = clip_polygon(qx, qy, np.int64(count), 0.0, -1.0, half - v, px, py)
             area = area_and_middle(px, py, np.int64(count))[0]
-            if area <= 0.0 and u * u + v * v > r * r:
+            if area <= 0.0 and not _meets(u, v, 0.0, ax, ay, bx, by):
                 continue
             if written < len(out_row):
                 out_row[written], out_middle[written, 0], out_middle[written, 1] = row, u, v
                 out_radius[written], out_area[written], out_fate[written] = 1.4142135623730951 * half, area, verdict
             written += 1
     return written
+
+
+@inner
+def _meets(u, v, half, ax, ay, bx, by):
+    """Tell whether a square has a place in common with the ellipse of two half axes."""
+    size = ax * by - ay * bx
+    if size == 0.0:
+        return abs(u) <= half and abs(v) <= half
+    # in the frame where the ellipse is the unit disk, the square is a parallelogram: the nearest of its places
+    x, y = (u * by - v * bx) / size, (v * ax - u * ay) / size
+    px, py, qx, qy = half * by / size, -half * ay / size, -half * bx / size, half * ax / size
+    if abs(u) <= half and abs(v) <= half:
+        return True
+    for k in range(4):
+        turn = -1.0 if k & 1 else 1.0
+        fx, fy = (px, py) if k < 2 else (qx, qy)  # to the middle of a side
+        gx, gy = (qx, qy) if k < 2 else (px, py)  # along it
+        mx, my = x + turn * fx, y + turn * fy
+        length = gx * gx + gy * gy
+        t = min(max(-(mx * gx + my * gy) / length, -1.0), 1.0) if length > 0.0 else 0.0
+        mx, my = mx + t * gx, my + t * gy
+        if mx * mx + my * my < 1.0:
+            return True
+    return False
 
 
 @inner

@@ -9,12 +9,10 @@ import numpy as np
 from surfel._numba import rows, threads_for
 from surfel._vec import dot
 from surfel.core.cast import Floats
-from surfel.core.lines import Lines
 from surfel.inside.operand import Operand
 from surfel.inside.sheets import NEIGHBOURS, side_of_sheets
 from surfel.shapes.base import Shape
-
-_TILT = 0.4
+from surfel.shapes.sample_lines import nearest_hit, normals_at
 
 
 class Surface(Protocol):
@@ -68,45 +66,10 @@ class SolidSurface:
 
     def over(self, places: Floats, towards: Floats) -> tuple[Floats, Floats]:
         """Cross the surface along ``towards``; the normal is told by how three lines pass the place that is hit."""
-        t, cosine, hit = self._nearest_hit(places, towards)
-        across, along = _beside(towards)
+        t, cosine, hit = nearest_hit(self.shape, places, towards, np.zeros(len(places)))
         at = places + np.where(hit, t, 0.0)[:, None] * towards
-        directions = [towards]
-        for beside in (across, along):
-            tilted = towards + _TILT * beside
-            directions.append(tilted / np.linalg.norm(tilted, axis=1, keepdims=True))
-        cosines = [cosine]
-        scale = np.maximum(np.abs(t), 1e-6 * float(np.abs(places).max(initial=1.0)))
-        for direction in directions[1:]:
-            back = at - scale[:, None] * direction
-            t_again, other, found = self._nearest_hit(back, direction, scale)
-            good = found & (np.abs(t_again - scale) < 1e-3 * scale)
-            cosines.append(np.where(good, other, np.einsum("ij,ij->i", direction, towards) * cosine))
-        normal = np.linalg.solve(np.stack(directions, axis=1), np.stack(cosines, axis=1)[..., None])[..., 0]
-        length = np.linalg.norm(normal, axis=1, keepdims=True)
-        normal = np.where(hit[:, None], normal / np.maximum(length, 1e-300), towards)
+        near = np.maximum(np.abs(t), 1e-6 * float(np.abs(places).max(initial=1.0)))
+        normal, _ = normals_at(self.shape, at, towards, cosine, near)
+        normal = np.where(hit[:, None], normal, towards)
         height = np.where(hit, -t * np.einsum("ij,ij->i", towards, normal), 0.0)
         return np.asarray(height), np.asarray(normal)
-
-    def _nearest_hit(
-        self, places: Floats, towards: Floats, expected: Floats | float = 0.0
-    ) -> tuple[Floats, Floats, np.ndarray[tuple[int], np.dtype[np.bool_]]]:
-        found = self.shape._cross(Lines(places, np.ascontiguousarray(towards), np.ones(len(places))))
-        m = len(places)
-        line = found.lines
-        far = np.abs(found.t - np.broadcast_to(expected, m)[line])
-        good = np.isfinite(far)
-        line, far, t, cosine = line[good], far[good], found.t[good], found.cosine[good]
-        order = np.lexsort((far, line))
-        line, first = np.unique(line[order], return_index=True)
-        chosen = order[first]
-        hit, at, slope = np.zeros(m, bool), np.zeros(m), np.ones(m)
-        hit[line], at[line], slope[line] = True, t[chosen], cosine[chosen]
-        return at, slope, hit
-
-
-def _beside(unit: Floats) -> tuple[Floats, Floats]:
-    helper = np.where(np.abs(unit[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    across = np.cross(unit, helper)
-    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
-    return across, np.cross(unit, across)
