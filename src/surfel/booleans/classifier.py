@@ -65,7 +65,7 @@ class Classifier:
 
     @property
     def conflict(self) -> float:
-        """The share of the cloud's surface that contradicts the colors of space."""
+        """The share of the cloud's surface that contradicts the colors of space or lies beside a hole."""
         return self._inner.conflict
 
     @property

@@ -236,8 +236,8 @@ class _Work:
             if space.leaky:
                 leaky = True
                 warnings.append(
-                    f"operand {k} is open: inside and outside hang together, and {space.conflict:.1%} of its surface "
-                    "contradicts that; near its holes the result is a guess"
+                    f"operand {k} is open: inside and outside hang together through holes, and {space.conflict:.1%} of "
+                    "its surface lies beside them or contradicts them; near its holes the result is a guess"
                 )
         return leaky, conflict, tuple(warnings), tuple(judges)
 

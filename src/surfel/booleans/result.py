@@ -26,8 +26,8 @@ class Combination:
     leaky : bool
         Whether inside and outside hang together in one of the clouds, through a hole or an open border.
     conflict : float
-        The largest share of the surface of a cloud, by area, that contradicts the colors of space; 0 where none was
-        asked.
+        The largest share of the surface of a cloud, by area, that contradicts the colors of space or lies beside a
+        hole; 0 where none was asked.
     warnings : tuple of str
         What should be known about the result.
     judges : tuple of (judge, reason) or None

@@ -12,7 +12,7 @@ from surfel._numba import rows
 if TYPE_CHECKING:
     from surfel.inside.operand import Operand
 
-SAMPLE = 2048
+SAMPLE = 1024
 """How many surfels are looked at."""
 
 NEIGHBOURS = 10
@@ -32,7 +32,7 @@ def agreement(operand: Operand) -> tuple[float, float]:
     k = min(NEIGHBOURS, n - 1)
     if k < 3:
         return 0.0, 0.0
-    chosen = np.unique((np.arange(min(n, SAMPLE)) * n) // min(n, SAMPLE)).astype(np.int32)
+    chosen = operand.sample(SAMPLE)
     near = operand.index.knn(k, chosen)[1]
     found = np.zeros((len(chosen), 2))
     _compare(len(chosen), operand.points, operand.normals, chosen, near, found)

@@ -61,7 +61,8 @@ class Classifier:
     flipped : Booleans, shape (n,)
         Which of its sorted surfels were turned.
     conflict : float
-        Share of the votes, by area, against the colour of what they see. A closed cloud has about none.
+        Share of the votes, by area, that contradict the colours of space, with normals as they were given, or are cast
+        beside a hole. A clean closed cloud has about none and a clean open one few; flipped normals add their share.
     leaky : bool
         Whether inside and outside hang together, through a hole or an open border.
 
@@ -247,7 +248,7 @@ class Classifier:
             value = named(name)(self.operand, places + self.operand.origin, **skipping).value
         assert self._coloured is not None
         if self._coloured.doubt is not None:
-            from surfel.inside.repair import in_doubt
+            from surfel.inside.leaks import in_doubt
 
             open_ = in_doubt(self._coloured.grid, self._coloured.doubt, places)
             value[open_] = named("winding")(self.operand, places[open_] + self.operand.origin).value

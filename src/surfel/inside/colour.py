@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from surfel._numba import inlined, kernel, rows, threads_for
 from surfel.core.cast import Booleans
-from surfel.inside.border import Bricks, disk_radii, mark_border
-from surfel.inside.components import Components, connect
-from surfel.inside.grid import ALL_IN, ALL_OUT, BORDER, IN, Frame, Grid, frame_for
+from surfel.inside.border import Bricks
+from surfel.inside.components import Components
+from surfel.inside.grid import ALL_IN, ALL_OUT, BORDER, IN, Frame, Grid
+from surfel.inside.leaks import Films, close_leaks, hinted, part_something, share_at_rims
 from surfel.inside.operand import Operand
 from surfel.inside.owners import Owners, own_cells
-from surfel.inside.repair import repair
-from surfel.inside.votes import Ballot, vote
+from surfel.inside.space import Space, space_round
+from surfel.inside.votes import FEW, Ballot, count_votes, first_voters, flipped_beside, look
 
 _FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
 _NONE = np.uint64(0)
@@ -35,9 +36,10 @@ class Coloured(NamedTuple):
     flipped : Booleans, shape (n,)
         Which of the sorted surfels were turned.
     conflict : float
-        Share of the votes (by area) against the colour of what they see.
+        Share of the votes (by area) that contradict the colours, with normals as they were given, or are cast beside a
+        film.
     leaky : bool
-        Whether inside and outside hang together through a hole, so that a judge had to part them.
+        Whether inside and outside hang together through a hole, so that films had to part them, or nothing did.
     doubt : NDArray[np.uint64], shape (bricks, 8), or None
         Bits of border cells that no surfel is near but the level of the winding number; None where there are none.
     """
@@ -55,24 +57,46 @@ def colour_space(operand: Operand) -> Coloured:
     """Colour the space round a cloud of at least one surfel.
 
     The border is what the disks of the surfels meet. The free cells fall into components; the surfels vote which are
-    inside. Where the votes for a component disagree, space leaks: its cells are then coloured by the winding number.
+    inside. Where the votes for a component disagree, space leaks: films over the holes part it, and the votes are
+    counted again.
     """
-    frame = frame_for(operand.bounds, operand.spacings)
-    bricks = mark_border(
-        frame, operand.points, operand.normals, disk_radii(operand.spacings, operand.areas, frame.step)
-    )
-    parts = connect(bricks.table, bricks.border)
-    owners = own_cells(frame, bricks, operand.points, operand.normals)
-    ballot = vote(frame, bricks, parts, owners, operand)
-    if ballot.flipped.any():
-        operand = turned(operand, ballot.flipped)
-        owners = own_cells(frame, bricks, operand.points, operand.normals)
-    grid = paint(frame, bricks, parts, ballot)
-    leaky = bool(ballot.leaky.any())
-    doubt = None
-    if leaky:
-        grid, doubt = repair(grid, parts, ballot.leaky, operand)
-    return Coloured(grid, owners, operand, ballot.flipped, ballot.conflict, leaky, doubt)
+    space, films, ballot, flipped = _settled(space_round(operand), operand)
+    if flipped.any():
+        operand = turned(operand, flipped)
+        owners = own_cells(space.frame, space.bricks, operand.points, operand.normals)
+        space = space._replace(owners=owners)
+    grid = paint(space.frame, space.bricks, space.parts, hinted(space, films, ballot.colours))
+    doubt = films.doubt if films.number else None
+    leaky = doubt is not None or bool(ballot.leaky.any())
+    return Coloured(grid, space.owners, operand, flipped, ballot.conflict, leaky, doubt)
+
+
+def _settled(space: Space, operand: Operand) -> tuple[Space, Films, Ballot, Booleans]:
+    """Count votes and close leaks: first by some of the surfels, and by all of them where that is not enough."""
+    voters, films = first_voters(operand), Films.none(space)
+    everyone = np.arange(len(operand), dtype=np.int32)
+    sight = at_first = look(space, operand, voters)
+    ballot = count_votes(operand, sight, space.parts.number)
+    for asked, wide in ((voters, False), (voters, True), (everyone, True)):
+        if not ballot.leaky.any():
+            break
+        if len(asked) > len(voters):
+            voters, sight = asked, look(space, operand, asked)
+        parted, more = close_leaks(space, films, ballot.leaky, sight, operand, wide=wide)
+        after = look(parted, operand, voters)
+        found = count_votes(operand, after, parted.parts.number, checked=True)
+        if part_something(operand, sight, ballot.leaky, after, found.colours):
+            space, films, sight, ballot = parted, more, after, found
+        else:
+            ballot = count_votes(operand, sight, space.parts.number, checked=True)
+    if ballot.flipped.sum() > FEW * len(voters) and len(voters) < len(operand):
+        voters, sight = everyone, look(space, operand, everyone)
+        ballot = count_votes(operand, sight, space.parts.number, checked=films.number > 0)
+    if films.number:
+        beside = share_at_rims(space, films, at_first, operand)
+        ballot = ballot._replace(conflict=min(ballot.conflict + beside, 1.0))
+    flipped = ballot.flipped if len(voters) == len(operand) else flipped_beside(space, operand, ballot, voters)
+    return space, films, ballot, flipped
 
 
 def turned(operand: Operand, flipped: Booleans) -> Operand:
@@ -80,13 +104,13 @@ def turned(operand: Operand, flipped: Booleans) -> Operand:
     return operand.with_normals(np.where(flipped[:, None], -operand.normals, operand.normals))
 
 
-def paint(frame: Frame, bricks: Bricks, parts: Components, ballot: Ballot) -> Grid:
+def paint(frame: Frame, bricks: Bricks, parts: Components, colours: NDArray[np.int8]) -> Grid:
     """Give every free cell the colour of its component; bricks of one colour need no words."""
-    table = _uniform_table(bricks.table, parts.of_brick, ballot.colours)
+    table = _uniform_table(bricks.table, parts.of_brick, colours)
     border, inside = bricks.border, np.zeros_like(bricks.border)
     state = np.zeros(len(border), np.int32)
     with threads_for(64 * len(border)):
-        _paint(len(border), border, inside, parts.start, parts.parts, parts.of_part, ballot.colours, state)
+        _paint(len(border), border, inside, parts.start, parts.parts, parts.of_part, colours, state)
     _empty(table, state)
     if (table == len(border)).any():  # free space that nobody voted for: one brick of border stands for all of it
         border = np.concatenate([border, np.full((1, 8), _FULL)])

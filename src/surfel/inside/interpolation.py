@@ -12,7 +12,7 @@ from surfel.core.cast import Booleans, Floats
 AGREE = 1.5
 """Lengths that differ by more than this factor from the nearest one count as if they differed by it."""
 
-FAR = 1.8
+FAR = 2.5
 """A known point farther away than this many of its lengths says nothing."""
 
 _APART = 4  # points between those that are averaged over

@@ -28,6 +28,8 @@ TWINS = 0.01
 STRIDE, FEWEST = 4, 10_000
 """In larger clouds than this, one surfel in four looks for its neighbours; two others take over what it finds."""
 
+LOOKED_AT = 256
+"""How many surfels tell the noise."""
 
 _OF_POINTS = ("areas", "spacings", "spacing", "bounds", "spheres", "noise")  # what does not depend on the normals
 
@@ -105,7 +107,7 @@ class Operand:
         order = np.empty(0, np.int32) if index is None else index.order
         return cls(
             index,
-            upright[order],
+            np.take(upright, order, axis=0),
             None if areas is None else _not_negative(areas, "areas", len(place))[order],
             None if spacings is None else _not_negative(spacings, "spacings", len(place))[order],
         )
@@ -177,6 +179,11 @@ class Operand:
         places[rows], upright[rows] = points, normals
         return Operand(self.index.moved(places), upright, self.areas, self.spacings)
 
+    def sample(self, count: int) -> NDArray[np.int32]:
+        """Return at most so many rows, evenly along the curve: whatever the order in which surfels were given."""
+        n = len(self)
+        return ((np.arange(min(n, count)) * n) // max(min(n, count), 1)).astype(np.int32)
+
     def __len__(self) -> int:
         return len(self.points)
 
@@ -190,13 +197,14 @@ class Operand:
     def _default_areas(self) -> Floats:
         """Return the squares of the spacings, shared out where several surfels lie at one place."""
         squares: Floats = self.spacings**2
-        beside = (self.points[1:] == self.points[:-1]).all(axis=1)
-        return squares / _shared(self.points) if beside.any() else squares
+        beside = np.flatnonzero(self.points[1:, 0] == self.points[:-1, 0])
+        alike = (self.points[beside + 1] == self.points[beside]).all(axis=1)
+        return squares / _shared(self.points) if len(beside) and alike.any() else squares
 
     def _noise(self) -> float:
         from surfel.surface.noise import noise_level
 
-        return noise_level(self._index) if self._index is not None else 0.0
+        return noise_level(self._index, self.sample(LOOKED_AT)) if self._index is not None else 0.0
 
     @property
     def _agreement(self) -> tuple[float, float]:

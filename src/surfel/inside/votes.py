@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from surfel._numba import kernel, rows, threads_for
 from surfel.core.cast import Booleans, Floats
-from surfel.inside.border import Bricks
-from surfel.inside.components import Components
-from surfel.inside.grid import BORDER, IN, OUT, Frame, bit_of
+from surfel.inside.grid import BORDER, IN, OUT, bit_of
 from surfel.inside.operand import Operand
-from surfel.inside.owners import Owners, owner_of
+from surfel.inside.owners import owner_of
 from surfel.inside.sheets import over_sheets
+from surfel.inside.space import Space
 
 MINORITY = 0.02
 """Share of the votes for a component, against its majority, from which it is leaky."""
@@ -55,7 +54,7 @@ class Ballot(NamedTuple):
     flipped : Booleans, shape (n,)
         Surfels that have the inside before them and the outside behind.
     conflict : float
-        Share of the votes that are against the majority of their component, after flipped surfels were turned.
+        Share of the votes, by area, that contradict the colours, with normals as they were given.
     leaky : Booleans, shape (components,)
         Components whose votes disagree although flipped surfels were turned: space seeps through a hole.
     """
@@ -77,61 +76,52 @@ class Sight(NamedTuple):
         The first free component, -1 for none; ``guarded`` only where their own sheet alone lies before it.
     depth : Floats, shape (m, 2)
         How far off it is.
+    cells : NDArray[np.int32], shape (m, 2, 3)
+        The cell of it that is seen; the one looked at last where nothing is.
     """
 
     chosen: NDArray[np.int32]
     guarded: NDArray[np.int32]
     seen: NDArray[np.int32]
     depth: Floats
+    cells: NDArray[np.int32]
 
 
-def vote(frame: Frame, bricks: Bricks, parts: Components, owners: Owners, operand: Operand) -> Ballot:
+def first_voters(operand: Operand) -> NDArray[np.int32]:
+    """Return the sorted rows of the surfels that vote first: one in :data:`SAMPLE` of larger clouds."""
+    return np.arange(0, len(operand), SAMPLE if len(operand) >= FEWEST else 1, dtype=np.int32)
+
+
+def look(space: Space, operand: Operand, chosen: NDArray[np.int32]) -> Sight:
+    """Let some surfels look before and behind them."""
+    n = len(chosen)
+    guarded, seen, depth = np.empty((n, 2), np.int32), np.empty((n, 2), np.int32), np.empty((n, 2))
+    cells = np.empty((n, 2, 3), np.int32)
+    frame = space.frame
+    with threads_for(4 * n):
+        _look(
+            n, chosen, operand.points, operand.normals, frame.low, frame.step, *space.bricks[:2], *space.parts[:4],
+            *space.owners, guarded, seen, depth, cells,
+        )  # fmt: skip
+    depth *= frame.step
+    return Sight(chosen, guarded, seen, depth, cells)
+
+
+def count_votes(operand: Operand, sight: Sight, components: int, *, checked: bool = False) -> Ballot:
     """Colour the components by the areas of the surfels that see them along their normals.
 
     A surfel votes for the first free cell before it as outside and for the first one behind it as inside, if it sees
     them past cells of its own sheet alone. The component round everything is outside, and one is inside if most of
     those who see it see it from that one. Then surfels that see an inside component before them and an outside one
-    behind are flipped, and vote again turned round. Where votes disagree still, those who looked through another sheet
-    unawares have no vote.
+    behind are flipped, and vote again turned round. Where votes disagree still and it is to be ``checked``, those who
+    looked through another sheet unawares have no vote.
+
+    Returns
+    -------
+    Ballot
+        ``flipped`` has a row for each of those who voted.
     """
-    every = np.arange(0, len(operand), SAMPLE if len(operand) >= FEWEST else 1, dtype=np.int32)
-    space = (frame, bricks, parts, owners)
-    sight = _seen(*space, operand, every)
-    ballot = _ballot(operand, sight, parts.number)
-    if len(every) == len(operand):
-        return ballot
-    if ballot.leaky.any() or ballot.flipped.sum() > FEW * len(every):
-        return _ballot(operand, _seen(*space, operand, np.arange(len(operand), dtype=np.int32)), parts.number)
-    flipped = np.zeros(len(operand), bool)
-    if ballot.flipped.any():  # and so may others be that lie beside these
-        beside = np.unique(np.clip(every[ballot.flipped][:, None] + np.arange(-BESIDE, BESIDE), 0, len(operand) - 1))
-        sight = _seen(*space, operand, beside.astype(np.int32))
-        turned = np.zeros(len(beside), bool)
-        _find_flipped(ballot.colours, sight.seen, turned)
-        flipped[beside[turned]] = True
-    return ballot._replace(flipped=flipped)
-
-
-def _seen(
-    frame: Frame, bricks: Bricks, parts: Components, owners: Owners, operand: Operand, chosen: NDArray[np.int32]
-) -> Sight:
-    """Let some surfels look before and behind them."""
-    n = len(chosen)
-    guarded, seen, depth = np.empty((n, 2), np.int32), np.empty((n, 2), np.int32), np.empty((n, 2))
-    with threads_for(4 * n):
-        _look(
-            n, chosen, operand.points, operand.normals, frame.low, frame.step, *bricks[:2], *parts[:4], *owners,
-            guarded, seen, depth,
-        )  # fmt: skip
-    depth *= frame.step
-    return Sight(chosen, guarded, seen, depth)
-
-
-def _ballot(operand: Operand, sight: Sight, components: int) -> Ballot:
-    """Count the votes of some surfels; ``flipped`` has a row for each of these."""
-    guarded, areas = sight.guarded, operand.areas[sight.chosen]
-    if areas.any():
-        areas = np.minimum(areas, HEAVIEST * np.median(areas[areas > 0.0]))
+    guarded, areas = sight.guarded, capped_areas(operand, sight.chosen)
     flipped = np.zeros(len(areas), bool)
     votes = _count(guarded, areas, flipped, components)
     colours = _majority(votes, _facing_out(guarded, areas, components))
@@ -139,7 +129,8 @@ def _ballot(operand: Operand, sight: Sight, components: int) -> Ballot:
     votes = _count(guarded, areas, flipped, components)
     colours = _majority(votes)
     everything = float(areas.sum())
-    if _leaky(votes, everything).any():
+    if checked and _leaky(votes, everything).any():
+        guarded = guarded.copy()
         guarded[_contradicted(operand, sight, colours, flipped)] = -1
         votes = _count(guarded, areas, flipped, components)
         colours = _majority(votes)
@@ -148,8 +139,46 @@ def _ballot(operand: Operand, sight: Sight, components: int) -> Ballot:
     slight |= total < SCARCE * areas.mean()
     slight[0] = False
     colours[slight] = BORDER
-    conflict = float(minority.sum() / total.sum()) if total.any() else 0.0
+    against, total_area = _contradictions(guarded, areas, colours)
+    conflict = against / total_area if total_area > 0.0 else 0.0
     return Ballot(colours, flipped, conflict, _leaky(votes, everything))
+
+
+def cells_seen(sight: Sight, side: int, of_components: Booleans) -> NDArray[np.int32]:
+    """Return the cells of some components that surfels see before (0) or behind (1) them."""
+    found: NDArray[np.int32] = _cells_seen(sight.guarded, sight.cells, np.int64(side), of_components)
+    return found
+
+
+@kernel
+def _cells_seen(guarded, cells, side, of_components):
+    found = np.empty((len(guarded), 3), np.int32)
+    count = 0
+    for n in range(len(guarded)):
+        component = guarded[n, side]
+        if component >= 0 and of_components[component]:
+            for axis in range(3):
+                found[count, axis] = cells[n, side, axis]
+            count += 1
+    return found[:count]
+
+
+def capped_areas(operand: Operand, chosen: NDArray[np.int32]) -> Floats:
+    """Return the areas of some surfels, none of them larger than :data:`HEAVIEST` times the median."""
+    areas: Floats = operand.areas[chosen]
+    return np.minimum(areas, HEAVIEST * np.median(areas[areas > 0.0])) if areas.any() else areas
+
+
+def flipped_beside(space: Space, operand: Operand, ballot: Ballot, voters: NDArray[np.int32]) -> Booleans:
+    """Tell which of all surfels are flipped, given that a few of the voters are: those beside these look as well."""
+    flipped = np.zeros(len(operand), bool)
+    if ballot.flipped.any():
+        beside = voters[ballot.flipped][:, None] + np.arange(-BESIDE, BESIDE)
+        asked = np.unique(np.clip(beside, 0, len(operand) - 1)).astype(np.int32)
+        turned = np.zeros(len(asked), bool)
+        _find_flipped(ballot.colours, look(space, operand, asked).seen, turned)
+        flipped[asked[turned]] = True
+    return flipped
 
 
 def _minority(votes: Floats) -> Floats:
@@ -176,8 +205,9 @@ def _majority(votes: Floats, facing: Floats | None = None) -> NDArray[np.int8]:
 
 def _facing_out(guarded: NDArray[np.int32], areas: Floats, components: int) -> Floats:
     """Return for each component the areas of the surfels between it and the space round everything."""
-    across = (guarded.min(axis=1) == 0) & (guarded.max(axis=1) > 0)
-    facing: Floats = np.bincount(guarded.max(axis=1)[across], areas[across], components).astype(float)
+    one, two = np.minimum(guarded[:, 0], guarded[:, 1]), np.maximum(guarded[:, 0], guarded[:, 1])
+    across = (one == 0) & (two > 0)
+    facing: Floats = np.bincount(two[across], areas[across], components).astype(float)
     return facing
 
 
@@ -191,10 +221,12 @@ def _contradicted(operand: Operand, sight: Sight, colours: NDArray[np.int8], fli
     row, side = np.nonzero(minority)
     chosen = sight.chosen[row]
     sign = np.where(side == 0, 1.0, -1.0) * sight.depth[row, side]
-    normals = operand.normals.copy()
-    normals[sight.chosen[flipped]] *= -1.0
     places = operand.points[chosen] + sign[:, None] * operand.normals[chosen]
-    minority[row, side] = (over_sheets(operand.with_normals(normals), places).value < 0.0) != inward[row, side]
+    if flipped.any():
+        normals = operand.normals.copy()
+        normals[sight.chosen[flipped]] *= -1.0
+        operand = operand.with_normals(normals)
+    minority[row, side] = (over_sheets(operand, places).value < 0.0) != inward[row, side]
     return np.asarray(minority)
 
 
@@ -211,6 +243,20 @@ def _count(seen, areas, flipped, components):
 
 
 @kernel
+def _contradictions(guarded, areas, colours):
+    """Return the area of the votes that contradict the colours, and of all votes for what has one."""
+    against = total = 0.0
+    for n in range(len(guarded)):
+        for side in range(2):
+            component = guarded[n, side]
+            if component >= 0 and colours[component] != BORDER:
+                total += areas[n]
+                if (colours[component] == IN) != (side == 1):
+                    against += areas[n]
+    return against, total
+
+
+@kernel
 def _find_flipped(colours, seen, flipped):
     for n in range(len(seen)):
         front, back = seen[n, 0], seen[n, 1]
@@ -220,7 +266,7 @@ def _find_flipped(colours, seen, flipped):
 @rows
 def _look(
     first, last, chosen, points, normals, low, step, table, border, start, parts, of_part, of_brick, base, owned,
-    of_surfel, means, guarded, seen, depth,
+    of_surfel, means, guarded, seen, depth, cells,
 ):  # fmt: skip
     """Write the first free component before and behind each surfel, how far off it is, and where its own sheet alone
     lies before it once more.
@@ -248,9 +294,10 @@ def _look(
             component = np.int64(-1)
             t = 0.0
             last_cell = np.int64(-1)
+            i = j = k = np.int64(-1)
             while t < far and far > 0.5 and component < 0:
                 t += _STRIDE
-                i, j, k = int(x + t * dx), int(y + t * dy), int(z + t * dz)
+                i, j, k = np.int64(x + t * dx), np.int64(y + t * dy), np.int64(z + t * dz)
                 cell = (i << 40) | (j << 20) | k
                 if cell == last_cell:
                     continue
@@ -275,4 +322,5 @@ def _look(
                     clear = across >= _OPPOSED * square
             seen[row, side] = component
             depth[row, side] = t
+            cells[row, side, 0], cells[row, side, 1], cells[row, side, 2] = i, j, k
             guarded[row, side] = component if clear else -1

@@ -131,28 +131,29 @@ def _build(operand: Operand) -> DipoleTree:
     extent = float((high * 0.5 - low * 0.5).max()) * 2.0
     scale = 1.0 / extent if extent > 0.0 else 1.0
     middle = low * 0.5 + high * 0.5
-    surfels = np.empty((7, n))
-    surfels[:3] = ((operand.points - middle) * scale).T
-    areas = operand.areas * scale * scale
-    surfels[3:6] = operand.normals.T * areas
-    surfels[6] = SOFT * areas
     counts = [-(-n // BLOCK)]
     while counts[-1] > 1:
         counts.append(-(-counts[-1] // WIDTH))
     levels = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     nodes = np.zeros((8, levels[-1]))
+    surfels = np.empty((7, n))
     with threads_for(n):
-        _sum_blocks(counts[0], surfels, areas, nodes)
+        _sum_blocks(counts[0], operand.points, operand.normals, operand.areas, middle, scale, surfels, nodes)
     _sum_levels(nodes, levels)
     return DipoleTree(surfels, nodes, levels, middle, scale)
 
 
 @rows
-def _sum_blocks(first, last, surfels, areas, nodes):
+def _sum_blocks(first, last, points, normals, areas, middle, scale, surfels, nodes):
     for b in range(first, last):
         start, stop = b * BLOCK, min(surfels.shape[1], (b + 1) * BLOCK)
         for i in range(start, stop):
-            weight = areas[i] + 1e-300
+            area = areas[i] * scale * scale
+            for x in range(3):
+                surfels[x, i] = (points[i, x] - middle[x]) * scale
+                surfels[3 + x, i] = normals[i, x] * area
+            surfels[6, i] = SOFT * area
+            weight = area + 1e-300
             nodes[7, b] += weight
             for x in range(3):
                 nodes[x, b] += weight * surfels[x, i]
@@ -220,7 +221,7 @@ def _add_up(first, last, surfels, nodes, levels, places, order, side, opening, n
             if held >= _ROOM or height == 0:
                 for j in range(i, i + count):
                     row = order[j]
-                    number[row] += _sum(batch, held, places[row, 0], places[row, 1], places[row, 2], terms)
+                    number[row] += sum_dipoles(batch, held, places[row, 0], places[row, 1], places[row, 2], terms)
                 held = 0
         i += count
 
@@ -235,7 +236,7 @@ def _group(places, order, first, stop, side):
 
 
 @inlined
-def _sum(batch, count, x, y, z, terms):
+def sum_dipoles(batch, count, x, y, z, terms):
     """Return the winding number of the collected dipoles: terms by whole vectors, then eight sums side by side."""
     xs, ys, zs, us, vs, ws, soft = batch[0], batch[1], batch[2], batch[3], batch[4], batch[5], batch[6]
     for t in range(count):
