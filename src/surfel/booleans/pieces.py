@@ -46,7 +46,7 @@ class Pieces(NamedTuple):
 
     def chosen(self, rows: NDArray[np.generic] | slice) -> Pieces:
         """Return some of the pieces."""
-        return Pieces(*(column[rows] for column in self))
+        return Pieces(self.row[rows], self.used[rows], self.above[rows], self.area[rows], self.middle[rows])
 
 
 def parted(
