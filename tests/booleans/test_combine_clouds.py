@@ -29,7 +29,7 @@ def test_two_balls(operation, true_area, true_volume):
     assert area(result) == pytest.approx(true_area, rel=2e-4)
     found = surfel.measure(result.surfels, lines=16_384)
     assert found.area.value == pytest.approx(true_area, rel=2e-4)
-    assert found.volume.value == pytest.approx(true_volume, rel=6e-3)
+    assert found.volume.value == pytest.approx(true_volume, rel=1e-3)  # odd lines are asked what lies inside
     outward = np.sign(np.einsum("ij,ij->i", result.surfels.normals, result.surfels.points))
     first = result.surfels.attributes["leaf"] == 0
     assert (outward[first] == 1.0).all()

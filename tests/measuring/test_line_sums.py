@@ -27,7 +27,7 @@ def test_each_line_adds_its_hits_and_its_pieces_inside():
     weights = [rng.random(c) for c in hit_counts]
     hits = _crossings([np.sort(rng.standard_normal(c)) for c in hit_counts], weights)
     origin = np.array([0.3, -0.2, 0.9])
-    values = set_sums(lines, hits, _crossings(events), origin, 6)
+    values = set_sums(lines, hits, _crossings(events), _crossings(events), origin, 6)
     assert values.shape == (6, COLUMNS)
     for row, t in enumerate(events):
         assert values[row, 0] == pytest.approx(weights[row].sum())
@@ -35,7 +35,8 @@ def test_each_line_adds_its_hits_and_its_pieces_inside():
         assert values[row, 2] == len(t) % 2
         pieces = list(zip(t[::2], t[1::2], strict=True)) if len(t) % 2 == 0 else []
         expected = naive.moments_along(lines.origins[row] - origin, lines.directions[row], pieces)
-        np.testing.assert_allclose(values[row, 3:], expected, rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(values[row, 3:13], expected, rtol=1e-12, atol=1e-14)
+        assert values[row, 13] == len(t) % 2
 
 
 def test_lines_through_a_ball_add_up_to_its_area_and_its_moments():
@@ -46,7 +47,7 @@ def test_lines_through_a_ball_add_up_to_its_area_and_its_moments():
     lines = Lines.of(a, b - a, 1.0)
     rows = naive.sphere_hits(lines.origins - centre, lines.directions, radius)
     crossings = _crossings(rows)
-    sums = set_sums(lines, crossings, crossings, np.zeros(3), 1)[0]
+    sums = set_sums(lines, crossings, crossings, crossings, np.zeros(3), 1)[0]
     found = moments_of(sums, n, 0.5 * np.pi * 4.0 * np.pi * 9.0)
     volume = 4.0 / 3.0 * np.pi * radius**3
     assert found.area == pytest.approx(4.0 * np.pi * radius**2, rel=0.02)
@@ -62,11 +63,21 @@ def test_even_lines_stand_for_odd_ones():
     lines = Lines.of(np.zeros((4, 3)), np.tile([0.0, 0.0, 1.0], (4, 1)), 1.0)
     whole = _crossings([[0, 1]] * 4)
     leaky = _crossings([[0, 1], [0, 1], [0], [0, 1]])
-    ours, theirs = (moments_of(set_sums(lines, e, e, np.zeros(3), 1)[0], 4, 1.0) for e in (whole, leaky))
+    ours, theirs = (moments_of(set_sums(lines, e, e, e, np.zeros(3), 1)[0], 4, 1.0) for e in (whole, leaky))
     assert theirs.volume == pytest.approx(ours.volume)
     assert theirs.odd == 0.25 and theirs.area < ours.area
     nothing = _crossings([[0]] * 4)
-    assert moments_of(set_sums(lines, nothing, nothing, np.zeros(3), 1)[0], 4, 1.0).volume == 0.0
+    assert moments_of(set_sums(lines, nothing, nothing, nothing, np.zeros(3), 1)[0], 4, 1.0).volume == 0.0
+
+
+def test_pieces_that_are_known_of_odd_lines_count_as_they_are():
+    lines = Lines.of(np.zeros((4, 3)), np.tile([0.0, 0.0, 1.0], (4, 1)), 1.0)
+    leaky, pieces = _crossings([[0, 1], [0, 1], [0], [0, 1]]), _crossings([[0, 1], [0, 1], [0, 0.5], [0, 1]])
+    ours = moments_of(set_sums(lines, leaky, leaky, pieces, np.zeros(3), 1)[0], 4, 1.0)
+    whole = _crossings([[0, 1]] * 4)
+    four = moments_of(set_sums(lines, whole, whole, whole, np.zeros(3), 1)[0], 4, 1.0)
+    assert ours.volume == pytest.approx(3.5 / 4.0 * four.volume)
+    assert ours.odd == 0.25
 
 
 def test_the_inertia_tensor_is_about_the_centroid():
@@ -87,8 +98,8 @@ def test_sets_and_leaves_are_kept_apart():
     rows = [np.sort(rng.standard_normal(count)) for count in rng.integers(0, 5, 12)]
     plain = _crossings(rows, [rng.random(len(row)) for row in rows])
     hits = Crossings(plain.offsets, plain.t, plain.cosine, plain.weight, rng.integers(0, 3, len(plain.t), np.int32))
-    each = set_sums(lines, hits, hits, np.zeros(3), 12, leaves=3)
-    sums = set_sums(lines, hits, hits, np.zeros(3), 3, leaves=3)
+    each = set_sums(lines, hits, hits, hits, np.zeros(3), 12, leaves=3)
+    sums = set_sums(lines, hits, hits, hits, np.zeros(3), 3, leaves=3)
     np.testing.assert_allclose(sums, each.reshape(3, 4, -1).sum(axis=1))
     np.testing.assert_allclose(sums[:, COLUMNS:].sum(axis=1), sums[:, 0])
     assert each[0, COLUMNS + 1] == pytest.approx(hits.weight[: len(rows[0])][hits.leaf[: len(rows[0])] == 1].sum())

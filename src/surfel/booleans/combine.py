@@ -207,12 +207,12 @@ class _Work:
 
         def trace() -> list[Floats]:
             from surfel.booleans.curve import traced
-            from surfel.booleans.surfaces import SheetSurface, SolidSurface, Surface
+            from surfel.booleans.surfaces import SmoothSurface, SolidSurface, Surface
 
             surfaces: dict[int, Surface] = {}
             for part in parts:
                 leaf = self.tree.leaves[part.leaf]
-                surfaces[part.leaf] = SheetSurface(part.operand) if isinstance(leaf, Surfels) else SolidSurface(leaf)
+                surfaces[part.leaf] = SmoothSurface(part.operand) if isinstance(leaf, Surfels) else SolidSurface(leaf)
             return traced(seams, surfaces, {part.leaf: part.operand.spacing for part in parts})
 
         return trace

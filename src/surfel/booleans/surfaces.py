@@ -1,18 +1,23 @@
-"""Surfaces that points of the curve are brought onto: the sheets of a cloud, and exact ones."""
+"""Surfaces that points of the curve are brought onto: those of a cloud, smooth or with edges, and exact ones."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from surfel._numba import rows, threads_for
 from surfel._vec import dot
 from surfel.core.cast import Floats
+from surfel.inside.mls import project
 from surfel.inside.operand import Operand
 from surfel.inside.sheets import NEIGHBOURS, side_of_sheets
 from surfel.shapes.base import Shape
 from surfel.shapes.sample_lines import nearest_hit, normals_at
+
+_LOOKED_AT = 20  # surfels that a projection looks at
+_ALIKE = 0.8  # neighbours whose normals make a smaller cosine lie beyond an edge
 
 
 class Surface(Protocol):
@@ -56,6 +61,33 @@ def _over(first, last, points, normals, places, squares, near, height, normal):
                 best, least = c, abs(own - value)
         height[i] = value
         normal[i, 0], normal[i, 1], normal[i, 2] = sums[best, 0], sums[best, 1], sums[best, 2]
+
+
+class SmoothSurface:
+    """The surface of a cloud: moving least squares as published, and where normals spread the sheet that decides."""
+
+    def __init__(self, operand: Operand) -> None:
+        self.operand = operand
+        self._sheets = SheetSurface(operand)
+
+    def over(self, places: Floats, towards: Floats) -> tuple[Floats, Floats]:
+        """Project what lies beside smooth parts (:func:`surfel.inside.mls.project`); ask the sheets for the rest."""
+        height, normal = self._sheets.over(places, towards)
+        flat = np.flatnonzero(self._smooth(places))
+        if len(flat):
+            found = project(places[flat], self.operand)
+            good = found.converged & found.normals.any(axis=1)
+            offset, upright = places[flat[good]] - found.points[good], found.normals[good]
+            height[flat[good]], normal[flat[good]] = np.einsum("ij,ij->i", offset, upright), upright
+        return height, normal
+
+    def _smooth(self, places: Floats) -> NDArray[np.bool_]:
+        """Tell where all surfels that the projection looks at face about one way."""
+        if not len(self.operand):
+            return np.zeros(len(places), bool)
+        near = self.operand.index.knn_of(places, min(_LOOKED_AT, len(self.operand)))[1]
+        normals = self.operand.normals[near]
+        return np.asarray((np.einsum("ikj,ij->ik", normals, normals[:, 0]) > _ALIKE).all(axis=1))
 
 
 class SolidSurface:

@@ -186,7 +186,8 @@ def _cast(
         first, last = start + span[0], start + span[1]
         lines = source.block(first, last, stop)
         hits = shape._cross(lines)
-        return set_sums(lines, hits, shape._sheets(hits), source.centre, SHIFTS, leaves)
+        events = shape._sheets(hits)
+        return set_sums(lines, hits, events, shape._pieces(lines, events), source.centre, SHIFTS, leaves)
 
     total = np.zeros((SHIFTS, COLUMNS + leaves))
     for part in run_blocks(block, blocks(stop - start, _BLOCK), policy, progress, "casting lines"):

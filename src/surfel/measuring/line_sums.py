@@ -11,8 +11,9 @@ from surfel.core.cast import Floats
 from surfel.core.crossings import Crossings
 from surfel.core.lines import Lines
 
-COLUMNS = 13
-"""Of a line: weighted hits; 1 if hit; 1 if odd; length; 3 first and 6 second moments of the pieces inside."""
+COLUMNS = 14
+"""Of a line: weighted hits; 1 if hit; 1 if odd; length; 3 first and 6 second moments of the pieces inside; 1 if these
+are not known."""
 
 
 class Moments(NamedTuple):
@@ -29,8 +30,10 @@ class Moments(NamedTuple):
     odd: float
 
 
-def set_sums(lines: Lines, hits: Crossings, events: Crossings, origin: Floats, sets: int, leaves: int = 0) -> Floats:
-    """Return what the lines of each set add up to, shape (sets, 13 + leaves), the columns as in :data:`COLUMNS`.
+def set_sums(
+    lines: Lines, hits: Crossings, events: Crossings, pieces: Crossings, origin: Floats, sets: int, leaves: int = 0
+) -> Floats:
+    """Return what the lines of each set add up to, shape (sets, 14 + leaves), the columns as in :data:`COLUMNS`.
 
     Lines run set by set, and each set is added up in the order of its lines.
 
@@ -41,8 +44,10 @@ def set_sums(lines: Lines, hits: Crossings, events: Crossings, origin: Floats, s
     hits : Crossings
         Every hit, with its weight: for the area.
     events : Crossings
-        One event for each passage through the surface: a line is inside between the first and the second, the third
-        and the fourth, and so on. An odd line leaks: its pieces are not counted.
+        One event for each passage through the surface. An odd line leaks.
+    pieces : Crossings
+        A line is inside between the first and the second, the third and the fourth of these, and so on; where their
+        number is odd nothing is known. Mostly they are the events.
     origin : Floats, shape (3,)
         What moments are taken about.
     sets : int
@@ -54,7 +59,7 @@ def set_sums(lines: Lines, hits: Crossings, events: Crossings, origin: Floats, s
     with threads_for(2 * len(lines)):
         _add_up(
             sets, len(lines) // sets, lines.origins, lines.directions, origin, hits.offsets, hits.weight, hits.leaf,
-            events.offsets, events.t, leaves, sums,
+            events.offsets, pieces.offsets, pieces.t, leaves, sums,
         )  # fmt: skip
     return sums
 
@@ -62,13 +67,13 @@ def set_sums(lines: Lines, hits: Crossings, events: Crossings, origin: Floats, s
 def moments_of(sums: Floats, lines: int, measure: float) -> Moments:
     """Turn the column sums of ``lines`` lines that stand for a line measure into estimates.
 
-    With ``int m dL = pi s`` and ``int length dL = 2 pi V`` (Santalo, *Integral Geometry*, chapter 14). Odd lines tell
-    nothing about the inside; the integrals of the others stand for them.
+    With ``int m dL = pi s`` and ``int length dL = 2 pi V`` (Santalo, *Integral Geometry*, chapter 14). For lines of
+    which the pieces inside are not known the integrals of the others stand.
     """
     share = measure / lines
-    hit, odd = sums[1], sums[2]
-    whole = hit / (hit - odd) if hit > odd else 0.0
-    inside = sums[3:] * (share / (2.0 * np.pi) * whole)
+    hit, odd, unknown = sums[1], sums[2], sums[13]
+    whole = hit / (hit - unknown) if hit > unknown else 0.0
+    inside = sums[3:13] * (share / (2.0 * np.pi) * whole)
     return Moments(
         float(sums[0] * share / np.pi), float(inside[0]), inside[1:4], inside[4:10], hit / lines, odd / max(hit, 1.0)
     )
@@ -96,7 +101,7 @@ def inertia_tensor(volume: float, first: Floats, second: Floats) -> tuple[Floats
 
 @rows
 def _add_up(
-    first, last, per_set, origins, directions, origin, hit_offsets, weight, leaf, offsets, t, leaves, sums
+    first, last, per_set, origins, directions, origin, hit_offsets, weight, leaf, events, offsets, t, leaves, sums
 ):  # fmt: skip
     for which in range(first, last):
         for line in range(which * per_set, (which + 1) * per_set):
@@ -104,12 +109,13 @@ def _add_up(
                 sums[which, 0] += weight[k]
                 if leaves > 0:
                     sums[which, COLUMNS + leaf[k]] += weight[k]
-            count = offsets[line + 1] - offsets[line]
+            count = events[line + 1] - events[line]
             if count == 0:
                 continue
             sums[which, 1] += 1.0
-            if count % 2 == 1:
-                sums[which, 2] += 1.0
+            sums[which, 2] += count % 2
+            if (offsets[line + 1] - offsets[line]) % 2 == 1:
+                sums[which, 13] += 1.0
                 continue
             ox, oy, oz = origins[line, 0] - origin[0], origins[line, 1] - origin[1], origins[line, 2] - origin[2]
             dx, dy, dz = directions[line, 0], directions[line, 1], directions[line, 2]

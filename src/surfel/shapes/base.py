@@ -60,6 +60,10 @@ class Shape(ABC):
         """Return one event for each passage through the surface; on an exact surface every hit is one."""
         return crossings
 
+    def _pieces(self, lines: Lines, events: Crossings) -> Crossings:
+        """Return the ends of the pieces of lines inside, from one event a passage; odd where nothing is known."""
+        return events
+
     def _patches(self, n: int) -> Patches:
         """Return elements of the surface whose areas sum to its area."""
         raise InputError(f"the surface of a {type(self).__name__} cannot be sampled; cross it with lines instead")

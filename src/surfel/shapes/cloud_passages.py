@@ -48,6 +48,11 @@ def closed_events(cloud: Surfels, lines: Lines, raw: Crossings) -> Crossings:
         return events
     if inside.decision.judge == SHEETS and not local.projected:
         events = _on_sheets(inside, lines, events, _FARTHEST * cloud.surface.spacing)
+    return mended(cloud, lines, events)
+
+
+def mended(cloud: Surfels, lines: Lines, events: Crossings) -> Crossings:
+    """Return events of which those of leaking lines are replaced by what the cloud says all along these lines."""
     odd = np.flatnonzero(events.counts % 2 == 1)
     if not len(odd):
         return events
