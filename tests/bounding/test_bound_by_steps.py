@@ -7,10 +7,11 @@ import pytest
 
 import surfel
 from surfel._numba import kernel
+from surfel.bounding.candidates import Rows
 from surfel.bounding.energy import energy
 from surfel.bounding.evaluate import values
 from surfel.bounding.frame import rotation_onto
-from surfel.bounding.interior import Rows, Walk, band_times
+from surfel.bounding.interior import Walk, band_times
 from surfel.bounding.iterated import Products, _Grid, conjugate_gradients, start_coarse, upper_by_steps
 from surfel.bounding.normal import unknowns_of
 from surfel.bounding.passes import survey
@@ -87,7 +88,7 @@ def test_steps_come_as_close_as_factors(shape, boundary):
     z = hilly(uv, size) + 0.02 * RNG.standard_normal(len(uv))
     unknowns = unknowns_of(shape, boundary)
     rows, weight = Rows.of(uv, unknowns), np.full(len(z), 1.0 / len(z))
-    exact = values(least_squares(uv, z, unknowns, bending=1e-9), uv)
+    exact = values(unknowns.spread(least_squares(rows, z, bending=1e-9)), uv)
     start = start_coarse(uv, z, unknowns, boundary, 1e-9)
     plain = start_coarse(uv, hilly(uv, size), unknowns, boundary, 1e-9)
     assert np.abs(values(unknowns.spread(plain), uv) - hilly(uv, size)).max() < (0.02 if boundary == "open" else 0.2)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from surfel.bounding.occupancy import HIGH, LEFT, LOW, RIGHT, WHOLE
+from surfel.bounding.occupancy import HIGH, LEFT, LOW, RIGHT, WHOLE, outside
 from surfel.bounding.trim import kept_share, outlines, trimmed
 
 
@@ -100,3 +100,12 @@ def test_every_set_of_quarters_has_outlines(state):
     trim = np.zeros((3, 3), np.uint8)
     trim[1, 1] = state
     assert np.isclose(sum(map(signed_area, outlines(trim))), kept_share(trim).sum())
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
+def test_what_is_outside_is_what_scipy_leaves_empty(share):
+    from scipy.ndimage import binary_fill_holes
+
+    for seed in range(20):
+        occupancy = (np.random.default_rng(seed).random((9, 14)) < share).astype(np.uint8)
+        assert (outside(occupancy) == ~binary_fill_holes(occupancy > 0)).all()

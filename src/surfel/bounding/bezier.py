@@ -90,7 +90,32 @@ def cell_bounds(coefficients: Floats) -> tuple[Floats, Floats]:
     >>> bool(low[0, 0] < 6.0 < 12.0 < high[0, 0] < 12.1)
     True
     """
-    nets = bezier_nets(coefficients)
-    windows = np.lib.stride_tricks.sliding_window_view(np.abs(coefficients), (4, 4))
-    slack = ROUNDING * windows.max(axis=(2, 3))
-    return nets.min(axis=(2, 3)) - slack, nets.max(axis=(2, 3)) + slack
+    slack = ROUNDING * largest_of_cells(np.abs(coefficients))
+    net = _joint_net(coefficients)
+    return -over_windows(-net, 4, 3) - slack, over_windows(net, 4, 3) + slack
+
+
+def largest_of_cells(per_coefficient: Floats) -> Floats:
+    """Return the largest of the 16 numbers of each cell."""
+    return over_windows(per_coefficient, 4)
+
+
+def _joint_net(coefficients: Floats) -> Floats:
+    """Return the Bezier coefficients of all cells as one grid, (3 n - 2, 3 m - 2): neighbours share an edge."""
+    grid = coefficients
+    for _ in range(2):
+        c = grid.T
+        grid = np.empty((3 * len(c) - 8, c.shape[1]))
+        grid[0::3] = (c[:-2] + 4.0 * c[1:-1] + c[2:]) / 6.0
+        grid[1::3] = (2.0 * c[1:-2] + c[2:-1]) / 3.0
+        grid[2::3] = (c[1:-2] + 2.0 * c[2:-1]) / 3.0
+    return grid
+
+
+def over_windows(grid: Floats, size: int, step: int = 1) -> Floats:
+    """Return the largest number in windows of a size that begin at every step-th place in both directions."""
+    for _ in range(2):
+        count = (len(grid) - size) // step + 1
+        rows = [grid[i : i + step * (count - 1) + 1 : step] for i in range(size)]
+        grid = np.maximum.reduce(rows).T
+    return np.ascontiguousarray(grid)

@@ -1,6 +1,11 @@
-"""The guarantee: every point is compared with the very surface that is handed out, which is raised where it must be.
+"""The guarantee: a surface that lies above every point, rounding included.
 
-A raise is local: a coefficient goes up by the largest violation in the cells of its support, which is enough, because
+Every point has been compared with a reference spline by the kernel that evaluates surfaces, and the largest residual of
+each cell kept. The surface less the reference lies in each cell above the least of its Bezier coefficients. Where that
+exceeds the largest residual by more than all rounding on the way, no point of the cell is above the surface; where it
+does not, the surface is raised.
+
+A raise is local: a coefficient goes up by the largest shortfall in the cells of its support, which is enough, because
 the weights of a cell are not negative and add up to one. The slack against rounding is 32 units in the last place of
 the largest of the 16 coefficients of a cell: a value is a sum of 16 products, each of a handful of roundings, in
 whatever order an evaluator takes them.
@@ -12,27 +17,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfel._numba import kernel, rows, threads_for
-from surfel.bounding.blocks import (
-    HALVED,
-    HEIGHT,
-    ROWS,
-    VALUE,
-    evaluate_block,
-    number_block,
-    place_block,
-    weigh_block,
-)
+from surfel._numba import kernel
+from surfel.bounding.bezier import cell_bounds, largest_of_cells, over_windows
+from surfel.bounding.compare import AXIS_Z, BLOCK, CONSTANTS, RESIDUAL, ROWS, SPLIT, SUMS, WIDE, compare_eight
 from surfel.bounding.evaluate import value_at
 from surfel.bounding.frame import Frame, project
-from surfel.bounding.lanes import BLOCK
 from surfel.bounding.occupancy import Quarters, inside_trim
+from surfel.bounding.order import Order, gather_points, set_cell
+from surfel.bounding.residuals import Residuals
 from surfel.core.cast import Floats
 
 EPS = float(np.finfo(np.float64).eps)
+EVALUATED = 25.0 * EPS
+"""How far two values that our kernel gives are off at most, as a share of the largest coefficient of their cell."""
+
 LEAST = 1e-320
 ROUNDS = 8
-"""Raises after which a surface that still has violations would be lifted as a whole; one is the rule."""
+"""Raises after which a surface that still is not proven would be lifted as a whole; none is the rule."""
 
 
 def violations(
@@ -46,33 +47,59 @@ def violations(
 
 
 @dataclass(frozen=True, eq=False)
-class Check:
-    """What one look at all points says of a surface.
+class Lead:
+    """How far a surface lies above a reference spline in each cell, for points whose residuals to that are known.
 
     Parameters
     ----------
-    worst : Floats, shape (n - 1, m - 1)
-        Largest excess of a point over the surface in each cell; -inf where there are none.
-    total, largest : float
-        Sum and largest of the gaps (surface less point).
-    points : int
-        How many points.
+    low, high : Floats, shape (n - 1, m - 1)
+        What the surface less the reference lies between, all rounding of two evaluations included.
+    residuals : Residuals
+        Of all points beside the reference.
     """
 
-    worst: Floats
-    total: float
-    largest: float
-    points: int
+    low: Floats
+    high: Floats
+    residuals: Residuals
+
+    @classmethod
+    def of(cls, surface: Floats, reference: Floats, residuals: Residuals) -> Lead:
+        """Bound the lead of a surface, by the coefficients of both."""
+        low, high = cell_bounds(surface - reference)
+        rounding = EVALUATED * largest_of_cells(np.maximum(np.abs(surface), np.abs(reference))) + 0.5 * LEAST
+        return cls(low - rounding, high + rounding, residuals)
+
+    def shortfall(self) -> Floats:
+        """Return by how much the surface misses to be proven above the points of a cell; not positive where it is."""
+        most = self.residuals.by_cell()
+        return np.asarray(most + EPS * np.abs(most, where=most > -np.inf, out=np.zeros(most.shape)) - self.low)
+
+    def gap_limits(self) -> Floats:
+        """Return what no gap between a point and the surface exceeds, cell by cell; -inf where there are no points."""
+        return np.asarray(self.high - self.residuals.smallest)
 
 
-def check(frame: Frame, coefficients: Floats, points: Floats, sign: float) -> Check:
-    """Compare all points, each of which lies in the domain, with a surface above them."""
-    parts = 2 if len(points) >= HALVED else 1
-    worst = np.full((parts, int(frame.cells[0]), int(frame.cells[1])), -np.inf)
-    sums = np.array([[0.0, -np.inf]] * parts)
-    with threads_for(len(points)):
-        _check(parts, points, frame.numbers(), coefficients, sign, worst, sums)
-    return Check(worst.max(axis=0), float(sums[:, 0].sum()), float(sums[:, 1].max()), len(points))
+def largest_gap(lead: Lead, surface: Floats, frame: Frame, points: Floats, sign: float, order: Order) -> float:
+    """Return the largest gap between points and a surface above them.
+
+    Cells are taken by falling bounds on their gaps, and their points evaluated, until no cell that is left can have a
+    larger one.
+    """
+    limits = lead.gap_limits().ravel()
+    cells = np.argsort(-limits)
+    return float(
+        _largest_gap(
+            points,
+            frame.numbers(),
+            surface,
+            float(sign),
+            order.rank,
+            order.starts,
+            np.int64(order.block),
+            cells,
+            limits[cells],
+        )
+    )
 
 
 def raised(coefficients: Floats, by_cell: Floats, clamped: bool = False) -> Floats:
@@ -116,41 +143,36 @@ def tied(lift: Floats) -> Floats:
 
 def _around(values: Floats) -> Floats:
     """Return the largest value among all coefficients that share a cell with each: a window of 7 x 7."""
-    wide = np.pad(values, 3, constant_values=0.0)
-    n, m = values.shape
-    rows = wide[0:n].copy()
-    for i in range(1, 7):
-        np.maximum(rows, wide[i : i + n], out=rows)
-    out = rows[:, 0:m].copy()
-    for j in range(1, 7):
-        np.maximum(out, rows[:, j : j + m], out=out)
-    return out
+    wide = np.zeros((values.shape[0] + 6, values.shape[1] + 6))
+    wide[3:-3, 3:-3] = values
+    return over_windows(wide, 7)
 
 
-@rows
-def _check(begin, end, p, f, b, sign, worst, sums):
-    w, place = np.empty(ROWS * BLOCK), np.empty(3 * BLOCK, np.int32)
-    flat, coefficients, width = p.ravel(), b.ravel(), b.shape[1]
-    for part in range(begin, end):
-        by_cell = worst[part].ravel()
-        total, largest = 0.0, -np.inf
-        last = p.shape[0] * (part + 1) // len(sums)
-        for first in range(p.shape[0] * part // len(sums), last, BLOCK):
-            here = min(BLOCK, last - first)
-            place_block(flat, first, here, f, sign, w)
-            weigh_block(here, w)
-            number_block(here, width, 1, w, place)
-            evaluate_block(here, coefficients, width, place, w)
-            sum_here = 0.0
-            for i in range(here):
-                gap = w[VALUE * BLOCK + i] - w[HEIGHT * BLOCK + i]
-                sum_here += gap
-                largest = max(largest, gap)
-                cell = np.int64(place[BLOCK + i])
-                if -gap > by_cell[cell]:
-                    by_cell[cell] = -gap
-            total += sum_here
-        sums[part, 0], sums[part, 1] = total, largest
+@kernel
+def _largest_gap(p, f, b, sign, rank, starts, block, cells, limits):
+    w, marks, sums, c = np.empty(ROWS * BLOCK), np.zeros(BLOCK + 8, np.int32), np.zeros(8 * SUMS), np.empty(CONSTANTS)
+    c[:13] = f[:13]
+    c[AXIS_Z : AXIS_Z + 3] *= sign
+    c[SPLIT] = c[WIDE] = 1.0
+    flat, coefficients, m = p.ravel(), b.ravel(), b.shape[1] - 3
+    largest, parts = -np.inf, starts.shape[0]
+    for number in range(len(cells)):
+        if limits[number] <= largest:
+            break
+        cell = cells[number]
+        set_cell(coefficients, m + 3, cell // m, cell % m, c)
+        for part in range(parts):
+            last = p.shape[0] * (part + 1) // parts
+            for row, first in enumerate(range(p.shape[0] * part // parts, last, block)):
+                begin, end = starts[part, row, cell], starts[part, row, cell + 1]
+                for at in range(begin, end, BLOCK):
+                    here = min(BLOCK, end - at)
+                    gather_points(flat, first, rank, at, here, w)
+                    for i in range(0, here, 8):
+                        compare_eight(w, i, c, marks, sums)
+                    for i in range(here):
+                        largest = max(largest, -w[RESIDUAL * BLOCK + i])
+    return largest
 
 
 @kernel

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from surfel.bounding.certify import ROUNDS, check, raised, slackened
+from surfel.bounding.certify import ROUNDS, Lead, largest_gap, raised, slackened
 from surfel.bounding.corners import corners_of, over_corners
 from surfel.bounding.enclosure import BOUNDARIES
 from surfel.bounding.fast import fit_fast
 from surfel.bounding.frame import rotation_onto
-from surfel.bounding.job import Job, Outcome, beside, prepare
+from surfel.bounding.job import Job, Outcome, beside, compared, prepare
 from surfel.bounding.memory import Memory
 from surfel.bounding.paper import fit_paper
 from surfel.bounding.report import FitReport
-from surfel.bounding.residuals import Residuals, keep_residuals, no_residuals
+from surfel.bounding.residuals import Residuals
 from surfel.bounding.source import Source
 from surfel.bounding.spline import SafeSpline
 from surfel.bounding.tight import dual_bound, fit_tight
@@ -143,19 +143,6 @@ def as_options(
     )
 
 
-def compared(job: Job, coefficients: Floats) -> Residuals:
-    """Compare every point with a surface, in one pass."""
-    residuals = no_residuals(job.frame, job.split)
-    for chunk in job.source:
-        keep_residuals(residuals, chunk, job.frame, coefficients, job.sign)
-    if residuals.points != job.points:
-        raise InputError(
-            f"points changed between two passes: {job.points} in the first, {residuals.points} in the second; "
-            "give chunks that are the same each time they are read"
-        )
-    return residuals
-
-
 def finished(job: Job, options: Options, outcome: Outcome, residuals: Residuals, started: float) -> SafeSpline:
     """Raise a surface over its residuals, add the slack, verify, and tell what came out."""
     clamped = job.boundary == "clamped"
@@ -198,19 +185,16 @@ def _verified(
 ) -> tuple[Floats, float, float, int]:
     """Return a surface that no point exceeds, its mean and largest gap, and how often it had to be raised again.
 
-    Chunks are not read a third time: the raise covers the largest residual of every cell, and the slack the rounding of
-    two evaluations. Their largest gap is then an upper bound.
+    Chunks are not read a third time: their largest gap is an upper bound.
     """
-    mean = residuals.mean_height
+    lead, lift = Lead.of(surface, reference, residuals), 0
+    while (short := lead.shortfall()).max() > 0.0 and lift < ROUNDS:
+        lift += 1
+        surface = raised(surface, short if lift < ROUNDS else np.full(short.shape, 4.0 * short.max()), clamped)
+        lead = Lead.of(surface, reference, residuals)
     if job.source.streamed:
-        return surface, residuals.mean_value(surface) - mean, residuals.gap_limit(surface, reference), 0
-    (points,) = job.source
-    for lift in range(ROUNDS):
-        seen = check(job.frame, surface, points, job.sign)
-        if not seen.worst.max() > 0.0:
-            return surface, seen.total / seen.points, seen.largest, lift
-        surface, _ = slackened(raised(surface, seen.worst, clamped), clamped)
-    excess = max(float(seen.worst.max()), 0.0)
-    surface = surface + (2.0 * excess + 64.0 * float(np.finfo(np.float64).eps) * float(np.abs(surface).max()))
-    seen = check(job.frame, surface, points, job.sign)
-    return surface, seen.total / seen.points, seen.largest, ROUNDS
+        largest = float(lead.gap_limits().max())
+    else:
+        (points,) = job.source
+        largest = largest_gap(lead, surface, job.frame, points, job.sign, job.order)
+    return surface, residuals.mean_gap(surface, reference), largest, lift

@@ -78,10 +78,9 @@ def weights(t):
 def value_in(b, h, k, s, t):
     """Return the spline's value in cell (h, k) at the local coordinates (s, t).
 
-    With six times the weights U of s and V of t: ``c_j = (U_0 b_0j + U_1 b_1j) + (U_2 b_2j + U_3 b_3j)``, and
-    ``((c_0 V_0 + c_1 V_1) + (c_2 V_2 + c_3 V_3)) / 36``, rounded in this order wherever a value is computed.
+    It is rounded as :func:`surfel.bounding.lanes.cell_value` says, wherever a value is computed.
     """
-    return cell_value(b, h, k, s, t) / 36.0
+    return cell_value(b, h, k, s, t) * (1.0 / 36.0)
 
 
 @inlined

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from surfel.bounding.evaluate import values
+from surfel.bounding.candidates import Rows
 from surfel.bounding.job import Job, Outcome
 from surfel.bounding.normal import Unknowns
 from surfel.bounding.reference import least_squares
@@ -36,6 +36,7 @@ def upper_spline(uv: Floats, z: Floats, unknowns: Unknowns, boundary: str) -> Fl
         from surfel.bounding.iterated import upper_by_steps
 
         return upper_by_steps(uv, z, unknowns, boundary, SMOOTHING, BELOW)
-    first = least_squares(uv, z, unknowns, bending=SMOOTHING)
-    weight = np.where(z > values(first, uv), 1.0, BELOW)
-    return least_squares(uv, z, unknowns, weight, bending=SMOOTHING)
+    rows = Rows.of(uv, unknowns)
+    first = least_squares(rows, z, bending=SMOOTHING)
+    weight = np.where(z > rows.times(first), 1.0, BELOW)
+    return unknowns.spread(least_squares(rows, z, weight, bending=SMOOTHING))

@@ -99,7 +99,7 @@ def rotation_onto(direction: Floats) -> Floats:
     axis[int(np.argmin(np.abs(direction)))] = 1.0
     first = axis - (axis @ direction) * direction
     first /= np.sqrt(first @ first)
-    second = np.cross(direction, first)
+    second = np.roll(direction, -1) * np.roll(first, 1) - np.roll(direction, 1) * np.roll(first, -1)
     return np.stack([first, second / np.sqrt(second @ second), direction]) + 0.0  # no negative zeros
 
 

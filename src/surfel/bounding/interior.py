@@ -7,81 +7,19 @@ at the start: what is left over of it shrinks with the steps.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from surfel._numba import kernel
-from surfel.bounding.lanes import row_add, row_times
-from surfel.bounding.normal import PAD, Unknowns, factorize, fill_row_of, scatter_cell, solve
+from surfel.bounding.candidates import Rows
+from surfel.bounding.normal import PAD, factorize, solve
 from surfel.bounding.runs import add_scaled, dot_run
-from surfel.core.cast import Floats, Integers
+from surfel.core.cast import Floats
 
 AROUND = 10.0
 """How many mean gaps coefficients may still move: what the dual residual is charged with."""
 
 FLOOR = 0.1
 """Least slack, in mean gaps, of a constraint that joins: the walk begins inside of it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """The rows of A: for each candidate its cell and its 16 weights there; candidates of a cell lie together.
-
-    Parameters
-    ----------
-    cell : Integers, shape (k, 2)
-        Cells (h, k).
-    weight : Floats, shape (k, 16)
-        Weights on the cell's coefficients.
-    unknowns : Unknowns
-        How coefficients are numbered.
-    """
-
-    cell: Integers
-    weight: Floats
-    unknowns: Unknowns
-
-    @classmethod
-    def of(cls, uv: Floats, unknowns: Unknowns) -> Rows:
-        """Return the rows of points in the domain."""
-        cell, weight = np.empty((len(uv), 2), np.int64), np.empty((len(uv), 16))
-        fill_row_of(uv, len(unknowns.along_u) - 3, len(unknowns.along_v) - 3, cell, weight)
-        return cls(cell, weight, unknowns)
-
-    @property
-    def place(self) -> Integers:
-        """One number for each row that sorts them by cell."""
-        return np.asarray(self.cell[:, 0] * len(self.unknowns.along_v) + self.cell[:, 1])
-
-    def chosen(self, which: NDArray[Any]) -> Rows:
-        """Return some of the rows, by a mask or by their numbers."""
-        return Rows(self.cell[which], self.weight[which], self.unknowns)
-
-    def with_more(self, other: Rows, order: Integers) -> Rows:
-        """Return these rows and others in a new order."""
-        cell, weight = np.concatenate([self.cell, other.cell]), np.concatenate([self.weight, other.weight])
-        return Rows(cell[order], weight[order], self.unknowns)
-
-    def times(self, x: Floats) -> Floats:
-        """Return ``A x``."""
-        out = np.empty(len(self.cell))
-        _times(self.cell, self.weight, self.unknowns.spread(x), out)
-        return out
-
-    def transposed_times(self, y: Floats) -> Floats:
-        """Return ``A^T y``."""
-        shape = len(self.unknowns.along_u), len(self.unknowns.along_v)
-        sums = np.zeros(shape)
-        _transposed(self.cell, self.weight, y, sums)
-        return self.unknowns.collect(sums)
-
-    def add_normal(self, theta: Floats, band: Floats) -> None:
-        """Add ``A^T diag(theta) A`` to a band matrix."""
-        u = self.unknowns
-        _add_normal(self.cell, self.weight, theta, u.along_u, u.along_v, u.step_u, u.step_v, band)
 
 
 class Walk:
@@ -200,39 +138,6 @@ def band_times(band: Floats, x: Floats) -> Floats:
     out = np.zeros(len(x))
     _band_times(band, x, out)
     return out
-
-
-@kernel
-def _times(cell, weight, b, out):
-    width, flat, along = b.shape[1], b.ravel(), weight.ravel()
-    for i in range(out.shape[0]):
-        out[i] = row_times(flat, cell[i, 0] * width + cell[i, 1], width, along, 16 * i)
-
-
-@kernel
-def _transposed(cell, weight, y, sums):
-    width, flat, along = sums.shape[1], sums.ravel(), weight.ravel()
-    for i in range(y.shape[0]):
-        row_add(flat, cell[i, 0] * width + cell[i, 1], width, along, 16 * i, y[i])
-
-
-@kernel
-def _add_normal(cell, weight, theta, along_u, along_v, step_u, step_v, band):
-    local = np.zeros(256)
-    flat = weight.ravel()
-    h = k = -1
-    for i in range(theta.shape[0]):
-        if cell[i, 0] != h or cell[i, 1] != k:
-            if h >= 0:
-                scatter_cell(local, h, k, along_u, along_v, step_u, step_v, band)
-            h, k = cell[i, 0], cell[i, 1]
-        for a in range(16):
-            share = theta[i] * weight[i, a]
-            add_scaled(local, 16 * a, share, flat, 16 * i)
-            if a >= 8:  # the lower triangle will do
-                add_scaled(local, 16 * a + 8, share, flat, 16 * i + 8)
-    if h >= 0:
-        scatter_cell(local, h, k, along_u, along_v, step_u, step_v, band)
 
 
 @kernel

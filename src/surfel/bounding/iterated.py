@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from surfel.bounding.candidates import Rows
 from surfel.bounding.energy import add_bending
 from surfel.bounding.evaluate import values
-from surfel.bounding.interior import Rows
 from surfel.bounding.normal import Unknowns, unknowns_of
 from surfel.bounding.reference import STRETCHING, least_squares
 from surfel.core.cast import Floats, Integers
@@ -47,7 +47,8 @@ def start_coarse(uv: Floats, z: Floats, unknowns: Unknowns, boundary: str, bendi
     ratio = (small - 1) / (shape - 1)
     some = slice(None, None, max(1, len(z) // (PER_CELL * int(small.prod()))))
     fewer = unknowns_of((int(small[0]), int(small[1])), boundary)
-    coarse = least_squares(np.minimum(uv[some] * ratio, small - 1.0), z[some], fewer, bending=bending)
+    rows = Rows.of(np.minimum(uv[some] * ratio, small - 1.0), fewer)
+    coarse = fewer.spread(least_squares(rows, z[some], bending=bending))
     lines = [np.minimum(np.arange(float(n)) * r, s - 1.0) for n, r, s in zip(shape, ratio, small, strict=True)]
     at = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
     inner = values(coarse, at).reshape(tuple(shape))

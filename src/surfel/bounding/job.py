@@ -6,13 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from surfel.bounding.candidates import Rows
 from surfel.bounding.evaluate import values
 from surfel.bounding.frame import Frame, frame_over
 from surfel.bounding.gather import gather
-from surfel.bounding.interior import Rows
 from surfel.bounding.normal import Unknowns, unknowns_of
+from surfel.bounding.order import Order
 from surfel.bounding.passes import keep_highest, no_points, survey
 from surfel.bounding.reference import Scale, by_cells
+from surfel.bounding.residuals import Residuals, keep_residuals, no_residuals
 from surfel.bounding.source import Source
 from surfel.core.cast import Floats, as_points
 from surfel.core.errors import InputError
@@ -21,7 +23,7 @@ Duals = tuple[Rows, Floats, Floats]
 SPLIT = 4
 """Micro-cells along the side of a cell, at most; fewer where a micro-cell would have hardly a point."""
 
-ENOUGH = 16
+ENOUGH = 8
 """Points a micro-cell among which its highest is sought in an array; a fit is safe with any choice of them."""
 
 
@@ -53,6 +55,8 @@ class Job:
         Micro-cells along the side of a cell.
     unknowns : Unknowns
         The coefficients that the boundary rule leaves free.
+    order : Order
+        In which order the points of an array are taken; chunks have orders of their own.
     """
 
     source: Source
@@ -67,6 +71,7 @@ class Job:
     points: int
     split: int
     unknowns: Unknowns
+    order: Order
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +118,28 @@ def prepare(
         points,
         split_for(points, shape),
         unknowns_of(shape, boundary),
+        Order.of(0 if source.streamed else points, frame),
     )
+
+
+def compared(job: Job, coefficients: Floats, *, weigh: bool = True) -> Residuals:
+    """Compare every point with a surface, in one pass.
+
+    Raises
+    ------
+    InputError
+        If chunks are not the same as before.
+    """
+    residuals = no_residuals(job.frame, job.split)
+    order = None if job.source.streamed else job.order
+    for chunk in job.source:
+        keep_residuals(residuals, chunk, job.frame, coefficients, job.sign, order, weigh=weigh)
+    if residuals.points != job.points:
+        raise InputError(
+            f"points changed between two passes: {job.points} in the first, {residuals.points} in the second; "
+            "give chunks that are the same each time they are read"
+        )
+    return residuals
 
 
 def split_for(points: int, shape: tuple[int, int]) -> int:

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfel._numba import inner, kernel
-from surfel.bounding.evaluate import cell_of, weights
-from surfel.bounding.runs import add_scaled, dot_run, subtract_four
+from surfel.bounding.evaluate import weights
+from surfel.bounding.runs import add_scaled, dot_run, subtract_panel
 from surfel.core.cast import Floats, Integers
 
 PAD = 8
@@ -77,13 +77,6 @@ def unknowns_of(shape: tuple[int, int], boundary: str) -> Unknowns:
     return Unknowns(along[0], along[1], step_u, step_v, sizes[0] * sizes[1], 3 * max(step_u, step_v) + 3)
 
 
-def normal_equations(unknowns: Unknowns, uv: Floats, z: Floats, weight: Floats, band: Floats) -> Floats:
-    """Add ``A^T W A`` to the band matrix and return ``A^T W z``; points are best sorted by cell."""
-    right = np.zeros(unknowns.size)
-    _normal(uv, z, weight, unknowns.along_u, unknowns.along_v, unknowns.step_u, unknowns.step_v, band, right)
-    return right
-
-
 def factorize(band: Floats) -> bool:
     """Replace a band matrix by its Cholesky factor; False where it is not positive definite in double precision."""
     return bool(_cholesky(band))
@@ -92,31 +85,6 @@ def factorize(band: Floats) -> bool:
 def solve(factor: Floats, right: Floats) -> None:
     """Solve with a factor, in place."""
     _solve(factor, right)
-
-
-@kernel
-def _normal(uv, z, weight, along_u, along_v, step_u, step_v, band, right):
-    # Points of one cell are summed in a small dense matrix, which is added to the band when the cell changes.
-    n, m = along_u.shape[0] - 3, along_v.shape[0] - 3
-    local, side, row = np.zeros(256), np.zeros(16), np.empty(16)
-    cell_u = cell_v = -1
-    for i in range(uv.shape[0]):
-        h, k = cell_of(uv[i, 0], n), cell_of(uv[i, 1], m)
-        if h != cell_u or k != cell_v:
-            if cell_u >= 0:
-                _scatter_side(side, cell_u, cell_v, along_u, along_v, step_u, step_v, right)
-                scatter_cell(local, cell_u, cell_v, along_u, along_v, step_u, step_v, band)
-            cell_u, cell_v = h, k
-        fill_row(uv[i, 0] - h, uv[i, 1] - k, row)
-        for a in range(16):
-            share = weight[i] * row[a]
-            side[a] += share * z[i]
-            add_scaled(local, 16 * a, share, row, 0)
-            if a >= 8:  # the lower triangle will do
-                add_scaled(local, 16 * a + 8, share, row, 8)
-    if cell_u >= 0:
-        _scatter_side(side, cell_u, cell_v, along_u, along_v, step_u, step_v, right)
-        scatter_cell(local, cell_u, cell_v, along_u, along_v, step_u, step_v, band)
 
 
 @inner
@@ -132,16 +100,19 @@ def fill_row(s, t, row):
 
 
 @inner
-def _scatter_side(side, h, k, along_u, along_v, step_u, step_v, right):
-    for a in range(16):
-        right[along_u[h + a // 4] * step_u + along_v[k + a % 4] * step_v] += side[a]
-        side[a] = 0.0
-
-
-@inner
-def scatter_cell(local, h, k, along_u, along_v, step_u, step_v, band):
-    """Add the symmetric 16 x 16 matrix of a cell, of which the lower triangle counts, to the band, and clear it."""
-    width = band.shape[1] - 1 - PAD
+def add_cell(local, h, k, along_u, along_v, step_u, step_v, band):
+    """Add the symmetric 16 x 16 matrix of a cell, of which the lower triangle counts, to the band."""
+    size, stride = band.shape
+    width = stride - 1 - PAD
+    if step_v == 1 and size == along_u.shape[0] * along_v.shape[0]:  # four coefficients along v lie side by side
+        flat = band.ravel()
+        for a in range(16):
+            i = (h + a // 4) * step_u + k + a % 4
+            for c in range(a // 4 + 1):  # on the diagonal the last of them may fall into the pad
+                row = i * stride + (h + c) * step_u + k - i + width
+                for b in range(4):
+                    flat[row + b] += local[16 * a + 4 * c + b]
+        return
     places = np.empty(16, np.int64)
     for a in range(16):
         places[a] = along_u[h + a // 4] * step_u + along_v[k + a % 4] * step_v
@@ -150,53 +121,51 @@ def scatter_cell(local, h, k, along_u, along_v, step_u, step_v, band):
             i, j = max(places[a], places[b]), min(places[a], places[b])
             twice = 2.0 if i == j and a != b else 1.0  # two coefficients that a boundary rule makes one
             band[i, j - i + width] += twice * local[16 * a + b]
-    local[:] = 0.0
-
-
-@kernel
-def fill_row_of(uv, n, m, cell, weight):
-    """Write the cells and the 16 weights of points in the domain of n x m cells."""
-    for i in range(uv.shape[0]):
-        h, k = cell_of(uv[i, 0], n), cell_of(uv[i, 1], m)
-        cell[i, 0], cell[i, 1] = h, k
-        fill_row(uv[i, 0] - h, uv[i, 1] - k, weight[i])
 
 
 @kernel
 def _cholesky(band):
-    # Four columns at a time: each is made final, then all four are taken from the rows below them in one sweep.
+    # Eight columns at a time: each is made final, then all are taken from the rows below them, two rows in a sweep.
     size, stride = band.shape
     width = stride - 1 - PAD
     flat = band.ravel()
-    length = width + 4 + PAD
-    panel = np.zeros(4 * length)
-    for j in range(0, size, 4):
-        count = min(4, size - j)
-        last = min(size - 1, j + count - 1 + width)
+    length = width + 8 + 3 * PAD
+    panel = np.zeros(8 * length)
+    for j in range(0, size, 8):
+        count = min(8, size - j)
+        high = min(size - j, count + width)  # rows that the columns reach
         panel[:] = 0.0
-        for i in range(j, last + 1):
-            for q in range(min(count, i - j + 1)):
-                offset = j + q - i + width
-                if offset < 0:
-                    continue
-                value = flat[i * stride + offset]
-                for r in range(q):
-                    value -= panel[r * length + i - j] * panel[r * length + q]
-                if i == j + q:
-                    if not value > 0.0:
-                        return False
-                    value = np.sqrt(value)
-                else:
-                    value /= panel[q * length + q]
-                panel[q * length + i - j] = value
-                flat[i * stride + offset] = value
-        for i in range(j + count, last + 1):
-            here = i - j
-            a, b = panel[here], panel[length + here]
-            c, d = panel[2 * length + here], panel[3 * length + here]
-            row = i * stride + width - here
-            for start in range(count, here + 1, 8):
-                subtract_four(flat, row + start, a, b, c, d, panel, start, length)
+        for i in range(high):
+            row = (i + j) * stride + width - i
+            if 8 <= i <= width:  # all eight columns: a loop that is unrolled
+                for q in range(8):
+                    panel[q * length + i] = flat[row + q]
+            else:
+                for q in range(max(0, i - width), min(count, i + 1)):
+                    panel[q * length + i] = flat[row + q]
+        for q in range(count):
+            value = panel[q * length + q]
+            if not value > 0.0:
+                return False
+            scale = 1.0 / np.sqrt(value)
+            for i in range(q, high):
+                panel[q * length + i] *= scale
+            for r in range(q + 1, count):
+                factor = -panel[q * length + r]
+                for start in range(r, high, 8):
+                    add_scaled(panel, r * length + start, factor, panel, q * length + start)
+        for i in range(high):
+            row = (i + j) * stride + width - i
+            if 8 <= i <= width:
+                for q in range(8):
+                    flat[row + q] = panel[q * length + i]
+            else:
+                for q in range(max(0, i - width), min(count, i + 1)):
+                    flat[row + q] = panel[q * length + i]
+        for here in range(count, high, 2):
+            first = (here + j) * stride + width - here
+            second = first + stride - 1 if here + 1 < high else first
+            subtract_panel(flat, first, second, panel, here, count, length, (here + 1 - count) // 8 + 1)
     return True
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import inlined, rows, threads_for
+from surfel._numba import inlined, kernel, rows, threads_for
 from surfel.bounding.evaluate import cell_of, value_at
 from surfel.core.cast import Floats
 
@@ -21,6 +21,13 @@ def trimmed_values(coefficients: Floats, trim: Quarters, uv: Floats) -> Floats:
     with threads_for(len(uv)):
         _trimmed_values(len(uv), np.array(coefficients), np.array(trim), np.ascontiguousarray(uv), out)
     return out
+
+
+def outside(occupancy: Quarters) -> NDArray[np.bool_]:
+    """Return the empty cells that can be reached from beyond the grid over the sides of empty cells."""
+    found = np.zeros(occupancy.shape, np.bool_)
+    _outside(np.array(occupancy), found)
+    return found
 
 
 @inlined
@@ -46,3 +53,24 @@ def _trimmed_values(first, last, b, trim, uv, out):
         if z == z and not inside_trim(trim, u, v):
             z = np.nan
         out[i] = z
+
+
+@kernel
+def _outside(occupancy, found):
+    n, m = occupancy.shape
+    todo, count = np.empty(4 * n * m + 2 * (n + m), np.int64), 0
+    for h in range(n):
+        for k in range(m):
+            if h == 0 or h == n - 1 or k == 0 or k == m - 1:
+                todo[count] = h * m + k
+                count += 1
+    while count > 0:
+        count -= 1
+        h, k = todo[count] // m, todo[count] % m
+        if found[h, k] or occupancy[h, k] != 0:
+            continue
+        found[h, k] = True
+        for dh, dk in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+            if 0 <= h + dh < n and 0 <= k + dk < m:
+                todo[count] = (h + dh) * m + k + dk
+                count += 1

@@ -11,14 +11,13 @@ import numpy as np
 
 from surfel._numba import kernel
 from surfel.bounding.banded import COLUMNS
-from surfel.bounding.blocks import CELL_U, CELL_V, HEIGHT, LOCAL_U, ROWS, number_block, place_block
+from surfel.bounding.compare import AXIS_Z, BLOCK, CELL_U, CELL_V, CONSTANTS, HEIGHT, LOCAL_U, ROWS, place_eight
 from surfel.bounding.corners import over_corners
 from surfel.bounding.enclosure import second
 from surfel.bounding.frame import Frame
 from surfel.bounding.job import Job, Outcome
-from surfel.bounding.lanes import BLOCK
+from surfel.bounding.order import Order, fetch_block, gather_points, sort_block
 from surfel.bounding.scattered import AGREED, nearest, scattered
-from surfel.bounding.source import Source
 from surfel.core.cast import Floats, Integers
 
 TAME = 4.0
@@ -45,12 +44,13 @@ def _one_order(job: Job, exchanged: bool) -> Outcome:
     corner = np.full((n, m), -np.inf)
     solves, fallbacks = np.zeros(m, np.int64), np.zeros(m, np.bool_)
     line, place, height = _on_lines(uv, job.height, m)
+    order = Order.of(job.points, frame) if exchanged else job.order
     todo = np.ones(m, np.bool_)
     for _ in range(PASSES):
         _fit_lines(line, place, height, job.boundary == "open", todo, corner, solves, fallbacks)
         if job.source.streamed:
             break
-        worst = _look(job.source, frame, corner, job)
+        worst = _look(order, frame, corner, job)
         if worst is None:
             break
         more, more_place, more_height = worst
@@ -81,13 +81,27 @@ def _sorted(line: Integers, place: Floats, height: Floats) -> tuple[Integers, Fl
     return line[order], place[order], height[order]
 
 
-def _look(source: Source, frame: Frame, corner: Floats, job: Job) -> tuple[Integers, Floats, Floats] | None:
+def _look(order: Order, frame: Frame, corner: Floats, job: Job) -> tuple[Integers, Floats, Floats] | None:
     """Return, for each line and abscissa, the point of largest excess over the line's bound; None if there is none."""
     n, m = corner.shape
     tolerance = AGREED * 2.0 * job.scale.half
     worst, place, height = np.full((m, n), tolerance), np.zeros((m, n)), np.zeros((m, n))
-    for chunk in source:
-        _look_at(chunk, frame.numbers(), job.sign, corner, job.boundary == "open", worst, place, height)
+    (points,) = job.source
+    _look_at(
+        points,
+        frame.numbers(),
+        job.sign,
+        corner,
+        job.boundary == "open",
+        order.rank,
+        order.starts,
+        np.int64(order.block),
+        order.known,
+        worst,
+        place,
+        height,
+    )
+    order.known = True
     line, at = np.nonzero(worst > tolerance)
     return (line, place[line, at], height[line, at]) if len(line) else None
 
@@ -115,7 +129,7 @@ def _fit_lines(line, place, height, is_open, todo, corner, solves, fallbacks):
 
 
 @kernel
-def _look_at(p, f, sign, corner, is_open, worst, place, height):
+def _look_at(p, f, sign, corner, is_open, rank, starts, block, known, worst, place, height):
     # Eq. (5) from a table: b and min(D b, 0) / 6 of both ends of an interval, for both lines of a point. The bound lies
     # nowhere below the least sum of these two at the corners of a cell, which lets most points pass.
     n, m = corner.shape
@@ -127,31 +141,46 @@ def _look_at(p, f, sign, corner, is_open, worst, place, height):
         for i in range(n):
             table[j, i, 0] = b[i]
             table[j, i, 1] = min(second(b, i, is_open), 0.0) / 6.0 if b[i] > -np.inf else 0.0
-    least = np.empty((n - 1) * (m - 1))
-    for h in range(n - 1):
-        for k in range(m - 1):
-            low = np.inf
-            for j in range(k, k + 2):
-                for i in range(h, h + 2):
-                    low = min(low, table[j, i, 0] + table[j, i, 1])
-            least[h * (m - 1) + k] = low - 1e-14 * abs(low)
-    w, cell = np.empty(ROWS * BLOCK), np.empty(3 * BLOCK, np.int32)
+    w, places, c = np.empty(ROWS * BLOCK), np.empty(block, np.int32), np.empty(CONSTANTS)
+    c[:13] = f[:13]
+    c[AXIS_Z : AXIS_Z + 3] *= sign
     flat = p.ravel()
-    for first in range(0, p.shape[0], BLOCK):
-        here = min(BLOCK, p.shape[0] - first)
-        place_block(flat, first, here, f, sign, w)
-        number_block(here, m + 2, 1, w, cell)
-        for i in range(here):
-            z = w[HEIGHT * BLOCK + i]
-            if z <= least[cell[BLOCK + i]]:
-                continue
-            h, k, s = np.int64(w[CELL_U * BLOCK + i]), np.int64(w[CELL_V * BLOCK + i]), w[LOCAL_U * BLOCK + i]
-            q = 1.0 - s
-            s3, q3 = s * s * s, q * q * q
-            for j in range(k, k + 2):
-                low = q * table[j, h, 0] + s * table[j, h + 1, 0] + q3 * table[j, h, 1] + s3 * table[j, h + 1, 1]
-                if z > low:
-                    u = h + s
-                    a = nearest(u, n)
-                    if z - low > worst[j, a]:
-                        worst[j, a], place[j, a], height[j, a] = z - low, u, z
+    parts = starts.shape[0]
+    for part in range(parts):
+        last = p.shape[0] * (part + 1) // parts
+        for row, first in enumerate(range(p.shape[0] * part // parts, last, block)):
+            begins = starts[part, row]
+            if known:
+                w[0] = fetch_block(flat, first, min(block, last - first))
+            else:
+                sort_block(flat, first, min(block, last - first), f, places, rank, begins)
+            for cell in range((n - 1) * (m - 1)):
+                if begins[cell] == begins[cell + 1]:
+                    continue
+                h, k = cell // (m - 1), cell % (m - 1)
+                c[CELL_U], c[CELL_V] = h, k
+                least = np.inf
+                for j in range(k, k + 2):
+                    for i in range(h, h + 2):
+                        least = min(least, table[j, i, 0] + table[j, i, 1])
+                least -= 1e-14 * abs(least)
+                for at in range(begins[cell], begins[cell + 1], BLOCK):
+                    here = min(BLOCK, begins[cell + 1] - at)
+                    gather_points(flat, first, rank, at, here, w)
+                    for i in range(0, here, 8):
+                        place_eight(w, i, c)
+                    for i in range(here):
+                        z = w[HEIGHT * BLOCK + i]
+                        if z <= least:
+                            continue
+                        s = w[LOCAL_U * BLOCK + i]
+                        q = 1.0 - s
+                        s3, q3 = s * s * s, q * q * q
+                        for j in range(k, k + 2):
+                            low = q * table[j, h, 0] + s * table[j, h + 1, 0]
+                            low += q3 * table[j, h, 1] + s3 * table[j, h + 1, 1]
+                            if z > low:
+                                u = h + s
+                                a = nearest(u, n)
+                                if z - low > worst[j, a]:
+                                    worst[j, a], place[j, a], height[j, a] = z - low, u, z

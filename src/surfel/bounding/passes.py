@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfel._numba import inlined, kernel
+from surfel.bounding.compare import BLOCK, micro_cells_of_eight
 from surfel.bounding.evaluate import cell_of
 from surfel.bounding.frame import Frame, project
-from surfel.bounding.lanes import BLOCK, stretch
+from surfel.bounding.lanes import stretch
 from surfel.core.cast import Floats
 
 LARGEST = 1e300
@@ -64,7 +65,7 @@ def no_points(frame: Frame, split: int) -> Highest:
 
 
 def keep_highest(highest: Highest, points: Floats, frame: Frame, sign: float, every: int = 1) -> None:
-    """Keep the highest point of each micro-cell; of equal ones the first. Looks at every ``every``-th point only."""
+    """Keep the highest point of each micro-cell; of equal ones the first. Looks at eight of ``8 every`` points only."""
     _keep_highest(points, frame.numbers(), sign, np.int64(every), np.int64(highest.split), highest.uv, highest.height)
 
 
@@ -109,11 +110,21 @@ def micro_cell(cell, local, split):
 @kernel
 def _keep_highest(p, f, sign, every, split, uv, height):
     n, m = np.int64(f[13]), np.int64(f[14])
-    for i in range(0, p.shape[0], every):
-        u, v, z = project(f, p[i, 0], p[i, 1], p[i, 2])
-        z *= sign
+    flat, high, where = p.ravel(), height.ravel(), uv.ravel()
+    z, places = np.empty(8), np.empty(8, np.int32)
+    whole = p.shape[0] - p.shape[0] % 8
+    for first in range(0, whole, 8 * every):
+        micro_cells_of_eight(flat, 3 * first, f, float(split), places, z, 0)
+        for i in range(8):
+            at = np.int64(places[i])
+            if sign * z[i] > high[at]:
+                high[at] = sign * z[i]
+                q = 3 * (first + i)
+                where[2 * at], where[2 * at + 1], _ = project(f, flat[q], flat[q + 1], flat[q + 2])
+    for i in range(whole, p.shape[0]):
+        u, v, top = project(f, p[i, 0], p[i, 1], p[i, 2])
         h, k = cell_of(u, n), cell_of(v, m)
         a, b = micro_cell(h, u - h, split), micro_cell(k, v - k, split)
-        if z > height[a, b]:
-            height[a, b] = z
+        if sign * top > height[a, b]:
+            height[a, b] = sign * top
             uv[a, b, 0], uv[a, b, 1] = u, v

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel._numba import kernel
+from surfel.bounding.candidates import Rows
 from surfel.bounding.energy import energy
-from surfel.bounding.normal import Unknowns, factorize, normal_equations, solve
+from surfel.bounding.normal import factorize, solve
 from surfel.core.cast import Floats
 
 BENDING = 1e-7
@@ -47,23 +48,22 @@ def by_cells(uv: Floats, height: Floats, split: int) -> tuple[Floats, Floats]:
     return out_uv[:count].copy(), out_z[:count].copy()
 
 
-def least_squares(
-    uv: Floats, z: Floats, unknowns: Unknowns, weight: Floats | None = None, bending: float = BENDING
-) -> Floats:
-    """Return the coefficients (n + 2, m + 2) of the smoothing spline through points; z from -1 to 1.
+def least_squares(rows: Rows, z: Floats, weight: Floats | None = None, bending: float = BENDING) -> Floats:
+    """Return the unknowns of the smoothing spline through points; z from -1 to 1.
 
     Minimizes ``sum w (F - z)^2 + bending |D2 b|^2``; the weights are scaled to the sum 1. Where the system is not
-    positive definite in double precision the coefficients are zero. They are kept within five.
+    positive definite in double precision the unknowns are zero. They are kept within five.
     """
     weights = np.full(len(z), 1.0 / max(len(z), 1)) if weight is None else weight / weight.sum()
-    band = energy(unknowns, bending, STRETCHING)
-    x = normal_equations(unknowns, uv, z, weights, band)
+    band = energy(rows.unknowns, bending, STRETCHING)
+    rows.add_normal(weights, band)
+    x = rows.transposed_times(weights * z)
     if factorize(band):
         solve(band, x)
     else:
         x[:] = 0.0
     inside: NDArray[np.bool_] = np.isfinite(x)
-    return unknowns.spread(np.clip(np.where(inside, x, 0.0), -5.0, 5.0))
+    return np.clip(np.where(inside, x, 0.0), -5.0, 5.0)
 
 
 @kernel

@@ -6,29 +6,31 @@ Heights are multiplied by ``sign``: +1 for a surface above, -1 for one below, so
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from surfel._numba import rows, threads_for
-from surfel.bounding.blocks import (
-    CELL_U,
-    CELL_V,
-    HALVED,
+from surfel.bounding.compare import (
+    AXIS_Z,
+    BLOCK,
+    CONSTANTS,
     HEIGHT,
+    LEAST_R,
     LOCAL_U,
     LOCAL_V,
-    ROOM,
+    RESIDUAL,
     ROWS,
-    VALUE,
-    evaluate_block,
-    number_block,
-    place_block,
-    weigh_block,
+    SPLIT,
+    SUM_R,
+    SUM_Z,
+    SUMS,
+    WIDE,
+    compare_and_weigh_eight,
+    compare_eight,
 )
 from surfel.bounding.frame import Frame
-from surfel.bounding.lanes import BLOCK, add_lane
 from surfel.bounding.occupancy import Quarters
+from surfel.bounding.order import Order, fetch_block, gather_points, set_cell, sort_block
 from surfel.core.cast import Floats, Integers
 
 
@@ -40,8 +42,10 @@ class Residuals:
     ----------
     split : int
         Micro-cells along a side of a cell.
-    largest, smallest : Floats, shape (a, b)
-        Largest and smallest residual (height less spline); -inf and inf where the micro-cell is empty.
+    largest : Floats, shape (a, b)
+        Largest residual (height less spline); -inf where the micro-cell is empty.
+    smallest : Floats, shape (n - 1, m - 1)
+        Smallest residual of each cell; inf where it is empty.
     uv, height : Floats, shape (a, b, 2) and (a, b)
         The point of the largest residual.
     count : Integers, shape (a, b)
@@ -50,8 +54,8 @@ class Residuals:
         Which quarters of the cells have data.
     moments : Floats, shape (n - 1, m - 1, 16)
         Sums over the points of 36 times their weights on the 16 coefficients of their cell.
-    total : Floats, shape (1,)
-        Sum of the heights.
+    total : Floats, shape (2,)
+        Sum of the heights, and of the residuals.
     """
 
     split: int
@@ -77,26 +81,21 @@ class Residuals:
     def mean_weights(self) -> Floats:
         """Return the mean weight of each coefficient over the points, shape (n + 2, m + 2); they add up to 1."""
         n, m = self.occupancy.shape
+        along_v = np.zeros((n, m + 3, 4))
+        for j in range(4):
+            along_v[:, j : j + m] += self.moments.reshape(n, m, 4, 4)[..., j]
         sums = np.zeros((n + 3, m + 3))
         for i in range(4):
-            for j in range(4):
-                sums[i : i + n, j : j + m] += self.moments[:, :, 4 * i + j]
+            sums[i : i + n] += along_v[..., i]
         return np.asarray(sums / (36.0 * max(self.points, 1)))
 
     def mean_value(self, coefficients: Floats) -> float:
         """Return the mean over the points of a spline's value."""
         return float((self.mean_weights() * coefficients).sum())
 
-    def gap_limit(self, surface: Floats, reference: Floats) -> float:
-        """Return what no gap between a point and ``surface`` exceeds, from the residuals to ``reference``."""
-        n, m = self.occupancy.shape
-        above = np.full((n, m), -np.inf)
-        for i in range(4):
-            for j in range(4):
-                np.maximum(above, (surface - reference)[i : i + n, j : j + m], out=above)
-        smallest = self.smallest.reshape(n, self.split, m, self.split).min(axis=(1, 3))
-        filled = np.isfinite(smallest)
-        return float((above - smallest)[filled].max(initial=-np.inf))
+    def mean_gap(self, surface: Floats, reference: Floats) -> float:
+        """Return the mean gap between the points and a surface; the residuals are those to ``reference``."""
+        return self.mean_value(surface - reference) - float(self.total[1]) / max(self.points, 1)
 
     def by_cell(self) -> Floats:
         """Return the largest residual of each cell, shape (n - 1, m - 1)."""
@@ -111,86 +110,132 @@ def no_residuals(frame: Frame, split: int) -> Residuals:
     return Residuals(
         split,
         np.full(micro, -np.inf),
-        np.full(micro, np.inf),
+        np.full(cells, np.inf),
         np.zeros((*micro, 2)),
         np.zeros(micro),
         np.zeros(micro, np.int64),
         np.zeros(cells, np.uint8),
         np.zeros((*cells, 16)),
-        np.zeros(1),
+        np.zeros(2),
     )
 
 
-def keep_residuals(kept: Residuals, points: Floats, frame: Frame, coefficients: Floats, sign: float) -> None:
+def keep_residuals(
+    kept: Residuals,
+    points: Floats,
+    frame: Frame,
+    coefficients: Floats,
+    sign: float,
+    order: Order | None = None,
+    *,
+    weigh: bool = True,
+) -> None:
     """Compare points with a spline and keep what matters of each micro-cell.
 
     Many points are cut in two, wherever there are threads or not, and the halves are joined in order: so the sums are
-    the same to the last bit on any number of threads.
+    the same to the last bit on any number of threads. An ``order`` is filled in, or used if it has been; without
+    ``weigh`` the moments are left alone.
     """
-    if len(points) < HALVED:
-        _compare(1, points, frame, coefficients, sign, kept.split, [getattr(kept, name)[None] for name in _KEPT])
+    order = order or Order.of(len(points), frame)
+    parts = order.parts
+    if parts == 1:
+        arrays = [getattr(kept, name)[None] for name in _KEPT]
+    else:
+        none = no_residuals(frame, kept.split)
+        arrays = [np.repeat(getattr(none, name)[None], parts, axis=0) for name in _KEPT]
+    with threads_for(len(points)):
+        _keep_residuals(
+            parts,
+            points,
+            frame.numbers(),
+            coefficients,
+            float(sign),
+            np.int64(kept.split),
+            order.rank,
+            order.starts,
+            np.int64(order.block),
+            order.known,
+            weigh,
+            *arrays,
+        )
+    order.known = True
+    if parts == 1:
         return
-    halves = [no_residuals(frame, kept.split) for _ in range(2)]
-    both = [np.stack([getattr(half, name) for half in halves]) for name in _KEPT]
-    _compare(2, points, frame, coefficients, sign, kept.split, both)
-    for most, least, uv, height, count, occupancy, moments, total in zip(*both, strict=True):
+    for most, least, uv, height, count, occupancy, moments, totals in zip(*arrays, strict=True):
         higher = most > kept.largest
         np.copyto(kept.uv, uv, where=higher[:, :, None])
         np.copyto(kept.height, height, where=higher)
         np.maximum(kept.largest, most, out=kept.largest)
         np.minimum(kept.smallest, least, out=kept.smallest)
         np.bitwise_or(kept.occupancy, occupancy, out=kept.occupancy)
-        for into, more in ((kept.count, count), (kept.moments, moments), (kept.total, total)):
+        for into, more in ((kept.count, count), (kept.moments, moments), (kept.total, totals)):
             into += more
 
 
 _KEPT = ("largest", "smallest", "uv", "height", "count", "occupancy", "moments", "total")
 
 
-def _compare(
-    parts: int, points: Floats, frame: Frame, coefficients: Floats, sign: float, split: int, kept: list[Any]
-) -> None:
-    with threads_for(len(points)):
-        _keep_residuals(parts, points, frame.numbers(), coefficients, float(sign), np.int64(split), *kept)
-
-
 @rows
 def _keep_residuals(
-    begin, end, p, f, coefficients, sign, split, largest, smallest, uv, height, count, occupancy, moments, totals
-):
-    w, place = np.empty(ROWS * BLOCK), np.empty(3 * BLOCK, np.int32)
+    begin, end, p, f, coefficients, sign, split, rank, starts, block, known, weigh,
+    largest, smallest, uv, height, count, occupancy, moments, totals,
+):  # fmt: skip
+    w, marks, sums = np.empty(ROWS * BLOCK), np.zeros(BLOCK + 8, np.int32), np.zeros(8 * SUMS)
+    c = np.empty(CONSTANTS)
+    c[:13] = f[:13]
+    c[AXIS_Z : AXIS_Z + 3] *= sign
+    n, m = occupancy.shape[1:]
+    wide = m * split
+    c[SPLIT], c[WIDE] = split, wide
     b, width, flat = coefficients.ravel(), coefficients.shape[1], p.ravel()
+    places = np.empty(block, np.int32)
     for part in range(begin, end):
-        sums, quarters = moments[part].ravel(), occupancy[part].ravel()
-        most, least, many = largest[part].ravel(), smallest[part].ravel(), count[part].ravel()
+        all_sums, quarters, least = moments[part].ravel(), occupancy[part].ravel(), smallest[part].ravel()
+        most, many = largest[part].ravel(), count[part].ravel()
         where, high = uv[part].ravel(), height[part].ravel()
-        total = 0.0
+        sums[:] = 0.0
         last = p.shape[0] * (part + 1) // len(totals)
-        for first in range(p.shape[0] * part // len(totals), last, BLOCK):
-            here = min(BLOCK, last - first)
-            place_block(flat, first, here, f, sign, w)
-            weigh_block(here, w)
-            number_block(here, width, split, w, place)
-            evaluate_block(here, b, width, place, w)
-            for i in range(here):  # without a branch, so that it is done by whole vectors
-                s, t = w[LOCAL_U * BLOCK + i], w[LOCAL_V * BLOCK + i]
-                early = t <= 1.0 - s
-                low, side = (4.0 if early else 2.0), (1.0 if early else 8.0)
-                w[ROOM * BLOCK + i] = low if t <= s else side
-                w[VALUE * BLOCK + i] = w[HEIGHT * BLOCK + i] - w[VALUE * BLOCK + i]
-            for i in range(here):
-                add_lane(sums, np.int64(place[BLOCK + i]), w, i)
-            for i in range(here):
-                z, r = w[HEIGHT * BLOCK + i], w[VALUE * BLOCK + i]
-                at, cell = np.int64(place[2 * BLOCK + i]), np.int64(place[BLOCK + i])
-                total += z
-                quarters[cell] |= np.uint8(w[ROOM * BLOCK + i])
-                many[at] += 1
-                if r > most[at]:
-                    most[at] = r
-                    where[2 * at] = w[CELL_U * BLOCK + i] + w[LOCAL_U * BLOCK + i]
-                    where[2 * at + 1] = w[CELL_V * BLOCK + i] + w[LOCAL_V * BLOCK + i]
-                    high[at] = z
-                if r < least[at]:
-                    least[at] = r
-        totals[part, 0] += total
+        for number, first in enumerate(range(p.shape[0] * part // len(totals), last, block)):
+            begins = starts[part, number]
+            if known:
+                w[0] = fetch_block(flat, first, min(block, last - first))
+            else:
+                sort_block(flat, first, min(block, last - first), f, places, rank, begins)
+            for cell in range(n * m):
+                if begins[cell] == begins[cell + 1]:
+                    continue
+                h, k = cell // m, cell % m
+                set_cell(b, width, h, k, c)
+                corner = h * split * wide + k * split
+                for i in range(8):
+                    sums[8 * LEAST_R + i], marks[BLOCK + i] = np.inf, 0
+                for at in range(begins[cell], begins[cell + 1], BLOCK):
+                    here = min(BLOCK, begins[cell + 1] - at)
+                    gather_points(flat, first, rank, at, here, w)
+                    if weigh:
+                        for i in range(0, here, 8):
+                            compare_and_weigh_eight(w, i, c, marks, sums)
+                    else:
+                        for i in range(0, here, 8):
+                            compare_eight(w, i, c, marks, sums)
+                    for i in range(here):
+                        r, micro = w[RESIDUAL * BLOCK + i], corner + np.int64(marks[i])
+                        many[micro] += 1
+                        if r > most[micro]:
+                            most[micro] = r
+                            where[2 * micro] = h + w[LOCAL_U * BLOCK + i]
+                            where[2 * micro + 1] = k + w[LOCAL_V * BLOCK + i]
+                            high[micro] = w[HEIGHT * BLOCK + i]
+                for i in range(8):
+                    least[cell] = min(least[cell], sums[8 * LEAST_R + i])
+                    quarters[cell] |= np.uint8(marks[BLOCK + i])
+                if weigh:
+                    for i in range(16):
+                        total = 0.0
+                        for j in range(8):
+                            total += sums[8 * i + j]
+                            sums[8 * i + j] = 0.0
+                        all_sums[16 * cell + i] += total
+        for i in range(8):
+            totals[part, 0] += sums[8 * SUM_Z + i]
+            totals[part, 1] += sums[8 * SUM_R + i]

@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from surfel.bounding.vectors import EIGHT, F64, I32, I64, address, every, load, pick
+from surfel.bounding.vectors import EIGHT, F64, I32, I64, address, every, fused, load, pick
 
 
 @intrinsic
@@ -17,9 +17,9 @@ def add_scaled(typing, y, at, factor, x, start):  # type: ignore[no-untyped-def]
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         left, right = (context.make_array(signature.args[i])(context, builder, values[i]).data for i in (0, 3))
-        product = builder.fmul(every(builder, values[2]), load(builder, right, values[4], EIGHT))
         pointer = address(builder, left, values[1], EIGHT)
-        builder.store(builder.fadd(builder.load(pointer, align=8, typ=EIGHT), product), pointer, align=8)
+        old, more = builder.load(pointer, align=8, typ=EIGHT), load(builder, right, values[4], EIGHT)
+        builder.store(fused(builder, every(builder, values[2]), more, old), pointer, align=8)
         return context.get_dummy_value()
 
     return types.void(y, types.int64, types.float64, x, types.int64), generate
@@ -38,7 +38,7 @@ def dot_run(typing, x, at, y, start, count):  # type: ignore[no-untyped-def]
             step = builder.mul(loop.index, ir.Constant(I64, 8))
             one = load(builder, left, builder.add(values[1], step), EIGHT)
             other = load(builder, right, builder.add(values[3], step), EIGHT)
-            builder.store(builder.fadd(builder.load(wide), builder.fmul(one, other)), wide)
+            builder.store(fused(builder, one, other, builder.load(wide)), wide)
         sums = builder.load(wide)
         half = builder.fadd(pick(builder, sums, [0, 1, 2, 3]), pick(builder, sums, [4, 5, 6, 7]))
         pair = builder.fadd(pick(builder, half, [0, 1]), pick(builder, half, [2, 3]))
@@ -57,19 +57,60 @@ def dot_run(typing, x, at, y, start, count):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def subtract_four(typing, y, at, a, b, c, d, x, start, stride):  # type: ignore[no-untyped-def]
-    """Subtract a, b, c, d times the runs of 8 at ``start``, ``start + stride``, ... of x from ``y[at : at + 8]``."""
+def subtract_panel(typing, y, first, second, panel, row, start, length, count):  # type: ignore[no-untyped-def]
+    """Subtract eight columns from two rows of a flat array, ``count`` vectors of eight numbers each.
+
+    Column q lies at ``panel[q * length]``. From ``y[first + start]`` on its run from ``start`` on is taken off, times
+    its number at ``row``; from ``y[second + start]`` on likewise with its number at ``row + 1``.
+    """
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        left, right = (context.make_array(signature.args[i])(context, builder, values[i]).data for i in (0, 6))
-        place, terms = values[7], []
-        for i in range(4):
-            terms.append(builder.fmul(every(builder, values[2 + i]), load(builder, right, place, EIGHT)))
-            place = builder.add(place, values[8])
-        total = builder.fadd(builder.fadd(terms[0], terms[1]), builder.fadd(terms[2], terms[3]))
-        pointer = address(builder, left, values[1], EIGHT)
-        builder.store(builder.fsub(builder.load(pointer, align=8, typ=EIGHT), total), pointer, align=8)
+        left, right = (context.make_array(signature.args[i])(context, builder, values[i]).data for i in (0, 3))
+        _, first, second, _, row, start, length, count = values
+        columns = [builder.mul(length, ir.Constant(I64, q)) for q in range(8)]
+        factors = []
+        for more in (0, 1):
+            at = builder.add(row, ir.Constant(I64, more))
+            numbers = [builder.load(builder.gep(right, [builder.add(column, at)])) for column in columns]
+            factors.append([every(builder, builder.fneg(number)) for number in numbers])
+        with cgutils.for_range(builder, count) as loop:
+            here = builder.add(start, builder.mul(loop.index, ir.Constant(I64, 8)))
+            runs = [load(builder, right, builder.add(column, here), EIGHT) for column in columns]
+            for place, own in zip((first, second), factors, strict=True):
+                pointer = address(builder, left, builder.add(place, here), EIGHT)
+                total = builder.load(pointer, align=8, typ=EIGHT)
+                for factor, run in zip(own, runs, strict=True):
+                    total = fused(builder, factor, run, total)
+                builder.store(total, pointer, align=8)
         return context.get_dummy_value()
 
-    f, i = types.float64, types.int64
-    return types.void(y, i, f, f, f, f, x, i, i), generate
+    i = types.int64
+    return types.void(y, i, i, panel, i, i, i, i), generate
+
+
+@intrinsic
+def gram_run(typing, local, theta, weight, first, count):  # type: ignore[no-untyped-def]
+    """Write ``sum theta_i w_i w_i^T`` over some rows of 16 numbers to the flat 16 x 16 ``local``: its lower half.
+
+    The rows are ``weight[16 i : 16 i + 16]`` for i from ``first`` on; sums of the upper eight rows stop at column 7.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        out, factors, flat = (context.make_array(signature.args[i])(context, builder, values[i]).data for i in range(3))
+        zero = ir.Constant(EIGHT, [ir.Constant(F64, 0.0)] * 8)
+        halves = [(a, half) for a in range(16) for half in range(1 if a < 8 else 2)]
+        sums = [cgutils.alloca_once_value(builder, zero) for _ in halves]
+        with cgutils.for_range(builder, values[4]) as loop:
+            i = builder.add(values[3], loop.index)
+            theta, at = every(builder, builder.load(builder.gep(factors, [i]))), builder.mul(i, ir.Constant(I64, 16))
+            places = [builder.add(at, ir.Constant(I64, a)) for a in range(16)]
+            parts = [builder.fmul(theta, load(builder, flat, places[8 * half], EIGHT)) for half in (0, 1)]
+            for (a, half), total in zip(halves, sums, strict=True):
+                one = every(builder, builder.load(builder.gep(flat, [places[a]])))
+                builder.store(fused(builder, one, parts[half], builder.load(total)), total)
+        for (a, half), total in zip(halves, sums, strict=True):
+            pointer = address(builder, out, ir.Constant(I64, 16 * a + 8 * half), EIGHT)
+            builder.store(builder.load(total), pointer, align=8)
+        return context.get_dummy_value()
+
+    return types.void(local, theta, weight, types.int64, types.int64), generate

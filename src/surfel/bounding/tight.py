@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from surfel.bounding.candidates import Rows
 from surfel.bounding.corners import corners_of, over_corners
 from surfel.bounding.energy import energy
 from surfel.bounding.evaluate import values
 from surfel.bounding.fast import fit_fast
-from surfel.bounding.interior import Rows, Walk
-from surfel.bounding.job import Duals, Job, Outcome
+from surfel.bounding.interior import Walk
+from surfel.bounding.job import Duals, Job, Outcome, compared
 from surfel.bounding.normal import PAD, factorize, solve
 from surfel.bounding.reference import by_cells
-from surfel.bounding.residuals import Residuals, keep_residuals, no_residuals
+from surfel.bounding.residuals import Residuals
 from surfel.core.cast import Floats
 
 LOOKS = (0.05, 0.005)
@@ -65,7 +66,7 @@ def fit_tight(job: Job) -> Outcome:
     uv, height, weight = job.uv, job.height, job.weight
     cost, level = _cost_of_candidates(job)
     if not job.source.streamed:
-        seen = _look(job, reference.coefficients)
+        seen = compared(job, reference.coefficients)
         cost, level = job.unknowns.collect(seen.mean_weights()), _level(job, seen)
         uv, height = by_cells(seen.uv, _heights(seen), job.split)
         weight = by_cells(seen.uv, np.where(seen.count > 0, seen.count, -np.inf), job.split)[1]
@@ -95,7 +96,7 @@ def _arrive(job: Job, walk: Walk, start: Floats) -> None:
         left = walk.left()
         if looks and left <= looks[0]:
             first = looks.pop(0) == LOOKS[0]
-            seen = _look(job, job.scale.outward(job.unknowns.spread(walk.x)))
+            seen = compared(job, job.scale.outward(job.unknowns.spread(walk.x)), weigh=False)
             excess = seen.largest / job.scale.half
             beyond = np.where(excess > NEGLIGIBLE * walk.gap, seen.height, -np.inf)
             uv, height = by_cells(seen.uv, beyond, job.split)
@@ -161,13 +162,6 @@ def _start(job: Job, reference: Floats, uv: Floats, height: Floats) -> Floats:
     np.maximum.at(by_cell, (cells[:, 0], cells[:, 1]), height - values(reference, uv))
     above, _, _ = over_corners(corners_of(by_cell), job.boundary)
     return job.unknowns.gather(job.scale.inward(reference + above))
-
-
-def _look(job: Job, surface: Floats) -> Residuals:
-    seen = no_residuals(job.frame, job.split)
-    for chunk in job.source:
-        keep_residuals(seen, chunk, job.frame, surface, job.sign)
-    return seen
 
 
 def _level(job: Job, seen: Residuals) -> float:

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel.bounding.occupancy import HIGH, LEFT, LOW, RIGHT, WHOLE, Quarters
+from surfel.bounding.occupancy import HIGH, LEFT, LOW, RIGHT, WHOLE, Quarters, outside
 from surfel.core.cast import Floats
 
 _AT_CORNER = {(0, 0): LEFT | LOW, (1, 0): RIGHT | LOW, (0, 1): LEFT | HIGH, (1, 1): RIGHT | HIGH}
@@ -48,9 +48,7 @@ def trimmed(occupancy: Quarters) -> Quarters:
     array([[15,  6],
            [15, 15]], dtype=uint8)
     """
-    from scipy.ndimage import binary_fill_holes
-
-    kept = binary_fill_holes(occupancy > 0)
+    kept = ~outside(occupancy)
     bound = _bound_points(kept)
     corners = {(i, j): bound[i : i + kept.shape[0], j : j + kept.shape[1]] for i, j in _AT_CORNER}
     count = sum(corner.astype(np.int64) for corner in corners.values())
@@ -71,7 +69,8 @@ def _bound_points(kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _without_bare_corners(trim: Quarters, occupancy: Quarters) -> Quarters:
     """Cut the corners that jut out: without data, and with nothing beside them over either of their two edges."""
-    around = np.pad(trim, 1)
+    around = np.zeros((trim.shape[0] + 2, trim.shape[1] + 2), np.uint8)
+    around[1:-1, 1:-1] = trim
     cut = trim.copy()
     for (i, j), quarters in _AT_CORNER.items():
         beside_u = around[2 * i : 2 * i + trim.shape[0], 1:-1]

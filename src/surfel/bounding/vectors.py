@@ -1,13 +1,115 @@
-"""Vectors of four and eight numbers in what numba compiles: the pieces of :mod:`lanes` and :mod:`runs`."""
+"""Vectors of four and eight numbers in what numba compiles: pieces of :mod:`lanes`, :mod:`runs`, :mod:`compare`."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from llvmlite import ir
+from numba.core import cgutils
 
 F64, I32, I64 = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
 FOUR, EIGHT = ir.VectorType(F64, 4), ir.VectorType(F64, 8)
+EIGHT_WHOLE = ir.VectorType(I32, 8)
+
+
+class Lanes:
+    """Eight numbers side by side that formulas can be written with, in what an intrinsic builds."""
+
+    def __init__(self, builder: Any, value: Any) -> None:
+        self.builder, self.value = builder, value
+
+    def __add__(self, other: Any) -> Lanes:
+        return self._joined("fadd", self.value, self._other(other))
+
+    def __radd__(self, other: Any) -> Lanes:
+        return self._joined("fadd", self._other(other), self.value)
+
+    def __sub__(self, other: Any) -> Lanes:
+        return self._joined("fsub", self.value, self._other(other))
+
+    def __rsub__(self, other: Any) -> Lanes:
+        return self._joined("fsub", self._other(other), self.value)
+
+    def __mul__(self, other: Any) -> Lanes:
+        return self._joined("fmul", self.value, self._other(other))
+
+    def least(self, other: Any) -> Lanes:
+        """Return the lesser of two numbers, lane by lane."""
+        right = self._other(other)
+        less = self.builder.fcmp_ordered("<", self.value, right)
+        return Lanes(self.builder, self.builder.select(less, self.value, right))
+
+    def times_plus(self, factor: Any, more: Any) -> Lanes:
+        """Return the product with a factor plus something more, rounded once."""
+        return Lanes(self.builder, fused(self.builder, self.value, self._other(factor), self._other(more)))
+
+    def floor(self) -> Lanes:
+        """Return the largest whole numbers that are not greater."""
+        kind = ir.FunctionType(EIGHT, [EIGHT])
+        function = cgutils.get_or_insert_function(self.builder.module, kind, "llvm.floor.v8f64")
+        return Lanes(self.builder, self.builder.call(function, [self.value]))
+
+    def where(self, bits: Any, other: float) -> Lanes:
+        """Return the numbers where a bit is set, another elsewhere."""
+        return Lanes(self.builder, self.builder.select(bits, self.value, self._other(other)))
+
+    def over(self, other: Any) -> Any:
+        """Return eight bits: whether each is greater than the other."""
+        return self.builder.fcmp_ordered(">", self.value, self._other(other))
+
+    def at_most(self, other: Any) -> Any:
+        """Return eight bits: whether each is at most the other."""
+        return self.builder.fcmp_ordered("<=", self.value, self._other(other))
+
+    def whole(self) -> Any:
+        """Return the numbers as integers of 32 bits."""
+        return self.builder.fptosi(self.value, EIGHT_WHOLE)
+
+    def _joined(self, operation: str, left: Any, right: Any) -> Lanes:
+        return Lanes(self.builder, getattr(self.builder, operation)(left, right))
+
+    def _other(self, other: Any) -> Any:
+        return other.value if isinstance(other, Lanes) else ir.Constant(EIGHT, [ir.Constant(F64, float(other))] * 8)
+
+
+class Flat:
+    """The memory of a flat array, to be read and written by eight lanes."""
+
+    def __init__(self, context: Any, builder: Any, kind: Any, value: Any) -> None:
+        self.builder = builder
+        self.data = context.make_array(kind)(context, builder, value).data
+
+    def eight(self, place: Any) -> Lanes:
+        """Return the eight numbers from a place on."""
+        return Lanes(self.builder, load(self.builder, self.data, self._place(place), EIGHT))
+
+    def one(self, place: Any) -> Lanes:
+        """Return eight times the number at a place."""
+        value = self.builder.load(self.builder.gep(self.data, [self._place(place)]), align=8, typ=F64)
+        return Lanes(self.builder, every(self.builder, value))
+
+    def put(self, place: Any, lanes: Lanes) -> None:
+        """Write eight numbers."""
+        self.builder.store(lanes.value, address(self.builder, self.data, self._place(place), EIGHT), align=8)
+
+    def put_whole(self, place: Any, whole: Any) -> None:
+        """Write eight integers of 32 bits."""
+        self.builder.store(whole, address(self.builder, self.data, self._place(place), EIGHT_WHOLE), align=4)
+
+    def eight_whole(self, place: Any) -> Any:
+        """Return the eight integers of 32 bits from a place on."""
+        return self.builder.load(
+            address(self.builder, self.data, self._place(place), EIGHT_WHOLE), align=4, typ=EIGHT_WHOLE
+        )
+
+    def _place(self, place: Any) -> Any:
+        return ir.Constant(I64, place) if isinstance(place, int) else place
+
+
+def fused(builder: Any, a: Any, b: Any, c: Any) -> Any:
+    """Return ``a b + c`` rounded once, of vectors of one length."""
+    kind = ir.FunctionType(a.type, [a.type] * 3)
+    return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.fma.v{a.type.count}f64"), [a, b, c])
 
 
 def every(builder: Any, value: Any) -> Any:
