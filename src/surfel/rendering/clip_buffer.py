@@ -14,24 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import rows, threads_for
-from surfel.rendering.raster import (
-    ALIKE,
-    BLEND,
-    CLIPPED,
-    CREASE,
-    EDGE,
-    ELLIPTIC,
-    PIXEL,
-    THIN,
-    TILE,
-    Disks,
-    Placed,
-    View,
-    fragment,
-    in_pixels,
-    shaped,
-)
+from surfel._numba import inlined, rows, threads_for
+from surfel.rendering.disks import CLIPPED, CREASE, EDGE, ELLIPTIC, Disks
+from surfel.rendering.eights import LANES, load, pick, some, store
+from surfel.rendering.placing import PIXEL, TILE, Placed, View
+from surfel.rendering.projection import depth_of, felt, fragment, in_pixels, normal_of, projected, shaped_eight
+from surfel.rendering.raster import ALIKE, BLEND, LEAST, THIN
 
 MOST = 6
 """Sheets that are looked at along a line of sight; the first that no cut may pass is the last."""
@@ -83,17 +71,22 @@ def lists_at(
     across = -(-view.width // TILE)
     tiles = np.unique((pixels // view.width // TILE) * across + pixels % view.width // TILE)
     counts, starts = np.zeros(m, np.int64), np.zeros(m + 1, np.int64)
+    found = _room(starts, counts, 0)
     with threads_for(100 * m):
-        _count(len(tiles), tiles, placed, view, slot, np.int64(len(offsets)), counts)
-        np.cumsum(counts, out=starts[1:])
-        room = int(starts[-1])
-        found = Lists(starts, counts, np.empty(room, np.float32), np.empty(room, np.float32), np.empty(room, np.int32))
-        counts[:] = 0
-        _gather(len(tiles), tiles, disks, placed, motions, view, slot, offsets, *found)
+        for known in (False, True):  # counted first, then stored
+            _gather(len(tiles), tiles, disks, placed, motions, view, slot, offsets, known, *found)
+            if not known:
+                np.cumsum(counts, out=starts[1:])
+                counts[:] = 0
+                found = _room(starts, counts, int(starts[-1]))
     return found
 
 
-def layers_of(disks: Disks, placed: Placed, lists: Lists) -> Layers:
+def _room(starts: NDArray[np.int64], counts: NDArray[np.int64], number: int) -> Lists:
+    return Lists(starts, counts, np.empty(number, np.float32), np.empty(number, np.float32), np.empty(number, np.int32))
+
+
+def layers_of(disks: Disks, placed: Placed, motions: NDArray[np.float32], view: View, lists: Lists) -> Layers:
     """Part the fragments of each place into sheets; the lists are sorted and used up by that."""
     m = len(lists.counts)
     found = Layers(
@@ -103,77 +96,105 @@ def layers_of(disks: Disks, placed: Placed, lists: Lists) -> Layers:
         np.zeros((m, MOST), np.bool_),
     )
     with threads_for(100 * m):
-        _part(m, disks, placed, *lists, *found)
+        _part(m, disks, placed.label, motions, view, *lists, *found)
     return found
 
 
-@rows
-def _count(first, last, tiles, placed, view, slot, places, counts):
-    """Count how many splats may fall on each place: whose boxes hold its pixel."""
-    box, runs, entries, width, height = placed.box, placed.starts, placed.entries, view.width, view.height
-    across = -(-width // TILE)
-    for t in range(first, last):
-        tile = tiles[t]
-        left, top = (tile % across) * TILE, (tile // across) * TILE
-        right, bottom = min(left + TILE, width) - 1, min(top + TILE, height) - 1
-        for entry in range(runs[2 * tile], runs[2 * tile + 2]):
-            i = entries[entry]
-            for y in range(max(top, box[i, 2] - 1), min(bottom, box[i, 3] + 1) + 1):
-                for x in range(max(left, box[i, 0] - 1), min(right, box[i, 1] + 1) + 1):
-                    k = slot[np.uint64(y * width + x)]
-                    if k >= 0:
-                        for s in range(places):
-                            counts[np.uint64(k * places + s)] += 1
+@inlined
+def _listed(slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys):
+    """List the places of a tile row after row.
+
+    ``begins[33 y + x]`` is how many come before a pixel, ``sums[33 y + x]`` how many chosen pixels lie above and to the
+    left of it.
+    """
+    count, places = 0, len(offsets)
+    for y in range(top, bottom + 1):
+        at, total = np.uint64((TILE + 1) * (y - top)), 0
+        for x in range(np.uint64(right + 1 - left)):
+            begins[at + x] = count
+            sums[at + np.uint64(TILE + 1) + x] = sums[at + x] + total
+            k = slot[np.uint64(y * width + left) + x]
+            if k >= 0:
+                total += 1
+                for s in range(places):
+                    lines[count], xs[count], ys[count] = (
+                        k * places + s, np.float32(np.int64(x) + left) + offsets[s, 0], np.float32(y) + offsets[s, 1]
+                    )  # fmt: skip
+                    count += 1
+        x = np.uint64(right + 1 - left)
+        begins[at + x] = count
+        sums[at + np.uint64(TILE + 1) + x] = sums[at + x] + total
 
 
 @rows
 def _gather(
-    first, last, tiles, disks, placed, motions, view, slot, offsets, starts, counts, out_z, out_weight, out_who
+    first, last, tiles, disks, placed, motions, view, slot, offsets, storing, starts, counts, out_z, out_weight, out_who
 ):
-    """Store the fragments of the chosen pixels of some tiles."""
-    record, own, box, _, runs, entries = placed
-    flags, leaf, clips, planes = disks.flags, disks.leaf, disks.clips, disks.planes
-    slope, cx, cy, width, height = view.slope, view.cx, view.cy, view.width, view.height
-    across, places, special = -(-width // TILE), len(offsets), CLIPPED | ELLIPTIC
+    """Count the fragments at the places in some tiles, or store them."""
+    box, runs, entries = placed.box, placed.starts, placed.entries
+    points, normals, radii, bends = disks.points, disks.normals, disks.radii, disks.bends
+    flags, leaf, clips, planes, own = disks.flags, disks.leaf, disks.clips, disks.planes, disks.axes
+    slope, middle, size, cx, cy, width, height = (
+        view.slope, view.depth, view.size, view.cx, view.cy, view.width, view.height
+    )  # fmt: skip
+    across, special = -(-width // TILE), CLIPPED | ELLIPTIC
+    most, zero, stride = TILE * TILE * len(offsets) + LANES, np.uint64(0), np.uint64(TILE + 1)
+    begins, lines = np.empty(TILE * (TILE + 1), np.int32), np.empty(most, np.int64)
+    sums = np.zeros((TILE + 1) * (TILE + 1), np.int32)
+    xs, ys, lanes = np.zeros(most, np.float32), np.zeros(most, np.float32), np.empty(4 * LANES, np.float32)
     for t in range(first, last):
         tile = tiles[t]
         left, top = (tile % across) * TILE, (tile // across) * TILE
         right, bottom = min(left + TILE, width) - 1, min(top + TILE, height) - 1
+        _listed(slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys)
         for entry in range(runs[2 * tile], runs[2 * tile + 2]):
-            i = entries[entry]
-            sx, sy, pixel, ez = record[i, 0], record[i, 1], record[i, 2], record[i, 3]
-            nx, ny, nz, inverse, bend = record[i, 4], record[i, 5], record[i, 6], record[i, 7], record[i, 10]
-            odd = flags[i] & special
+            i = np.uint64(entries[entry])
             # places lie up to half a pixel off the centres that the box was rounded to
-            for y in range(max(top, box[i, 2] - 1), min(bottom, box[i, 3] + 1) + 1):
-                for x in range(max(left, box[i, 0] - 1), min(right, box[i, 1] + 1) + 1):
-                    k = slot[np.uint64(y * width + x)]
-                    if k < 0:
+            x0 = np.uint64(max(left, np.int64(box[i, 0]) - 1) - left)
+            x1 = np.uint64(min(right, np.int64(box[i, 1]) + 1) - left + 1)
+            y0 = np.uint64(max(top, np.int64(box[i, 2]) - 1) - top) * stride
+            y1 = np.uint64(min(bottom, np.int64(box[i, 3]) + 1) - top + 1) * stride
+            if sums[y1 + x1] - sums[y1 + x0] - sums[y0 + x1] + sums[y0 + x0] == 0:
+                continue
+            m, r, odd = leaf[i], radii[i], flags[i] & special
+            ez = depth_of(i, m, points, motions)
+            nx, ny, nz = normal_of(i, m, normals, motions)
+            sx, sy, pixel, cosine = projected(i, m, ez, nx, ny, nz, points, motions, slope, middle, size, cx, cy)
+            inverse, bend = _ONE / (r * r), felt(bends[i], r, cosine, pixel, slope)
+            for y in range(y0, y1, stride):
+                end = begins[y + x1]
+                for begin in range(begins[y + x0], end, LANES):
+                    fx, fy = load(xs, np.uint64(begin)), load(ys, np.uint64(begin))
+                    u, z, qx, qy, qz = fragment(fx, fy, sx, sy, pixel, ez, nx, ny, nz, inverse, bend, slope, cx, cy)
+                    if odd:
+                        u = shaped_eight(u, qx, qy, qz, i, flags, own, leaf, clips, planes, motions, lanes)
+                    elif r < PIXEL * pixel:
+                        inside = u < _ONE
+                        u, z = pick(inside, u, in_pixels(fx, fy, sx, sy)), pick(inside, z, ez)
+                    if not some(u < _ONE):
                         continue
-                    for s in range(places):
-                        fx, fy = np.float32(x) + offsets[s, 0], np.float32(y) + offsets[s, 1]
-                        u, z, qx, qy, qz = fragment(fx, fy, sx, sy, pixel, ez, nx, ny, nz, inverse, bend, slope, cx, cy)
-                        if odd:
-                            u = shaped(u, qx, qy, qz, i, flags, own, leaf, clips, planes, motions)
-                        if not u < _ONE:
-                            if odd or record[i, 8] >= PIXEL * pixel:
-                                continue
-                            u = in_pixels(fx, fy, sx, sy)
-                            if u >= _ONE:
-                                continue
-                            z = ez
-                        line = k * places + s
-                        at = starts[line] + counts[line]
-                        out_z[at], out_who[at] = z, i
-                        out_weight[at] = (_ONE - u) * (_ONE - u) + np.float32(1e-6)
+                    store(lanes, zero, u)
+                    store(lanes, np.uint64(LANES), z)
+                    for h in range(min(LANES, end - begin)):
+                        if not lanes[h] < _ONE:
+                            continue
+                        line = lines[begin + h]
+                        if storing:
+                            at = starts[line] + counts[line]
+                            out_z[at], out_who[at] = lanes[LANES + h], i
+                            out_weight[at] = (_ONE - lanes[h]) * (_ONE - lanes[h]) + LEAST
                         counts[line] += 1
 
 
 @rows
-def _part(first, last, disks, placed, starts, counts, all_z, all_weight, all_who, count, value, winner, unsure):
+def _part(
+    first, last, disks, label, motions, view, starts, counts, all_z, all_weight, all_who, count, value, winner, unsure
+):
     """Sort the fragments of some lines by depth and part them into sheets."""
-    record, label = placed.record, placed.label
-    colors, flags = disks.colors, disks.flags
+    points, normals, radii, leaf, colors, flags = (
+        disks.points, disks.normals, disks.radii, disks.leaf, disks.colors, disks.flags
+    )  # fmt: skip
+    slope, middle, size, cx, cy = view.slope, view.depth, view.size, view.cx, view.cy
     total = np.empty(8, np.float32)
     for line in range(first, last):
         begin, end = starts[line], starts[line] + counts[line]
@@ -196,18 +217,17 @@ def _part(first, last, disks, placed, starts, counts, all_z, all_weight, all_who
                 continue
             nearest, doubt = all_z[a], False
             total[:] = _ZERO
-            widest = np.float32(8.0) * record[lead, 8]
+            widest = np.float32(8.0) * radii[lead]
+            tx, ty, tz = normal_of(lead, leaf[lead], normals, motions)
             for b in range(a, end):
                 i = all_who[b]
                 behind = all_z[b] - nearest
                 if behind > widest:
                     break
-                if i < 0 or label[i] != label[lead] or behind > BLEND * record[i, 8]:
+                if i < 0 or label[i] != label[lead] or behind > BLEND * radii[i]:
                     continue
-                nx, ny, nz = record[i, 4], record[i, 5], record[i, 6]
-                if (flags[i] | flags[lead]) & CREASE and (
-                    nx * record[lead, 4] + ny * record[lead, 5] + nz * record[lead, 6] < ALIKE
-                ):
+                nx, ny, nz = normal_of(i, leaf[i], normals, motions)
+                if (flags[i] | flags[lead]) & CREASE and nx * tx + ny * ty + nz * tz < ALIKE:
                     continue
                 weight = all_weight[b]
                 total[0] += weight
@@ -219,13 +239,17 @@ def _part(first, last, disks, placed, starts, counts, all_z, all_weight, all_who
                     total[5 + k] += weight * np.float32(colors[i, k])
                 doubt = doubt or flags[i] & EDGE != 0
                 all_who[b] = -1
-            if total[0] < THIN * (_ONE - abs(record[lead, 9])):
+            ez = depth_of(lead, leaf[lead], points, motions)
+            cosine = projected(lead, leaf[lead], ez, tx, ty, tz, points, motions, slope, middle, size, cx, cy)[3]
+            if total[0] < THIN * (_ONE - cosine):
                 continue  # the rims of disks that stick out over the silhouette
             mean = _ONE / total[0]
             value[line, found, 0] = nearest + total[1] * mean
             length = math.sqrt(total[2] * total[2] + total[3] * total[3] + total[4] * total[4])
+            if not length > _ZERO:
+                total[2], total[3], total[4], length = tx, ty, tz, _ONE
             for k in range(3):
-                value[line, found, 1 + k] = total[2 + k] / length if length > _ZERO else record[lead, 4 + k]
+                value[line, found, 1 + k] = total[2 + k] / length
                 value[line, found, 4 + k] = total[5 + k] * mean
             winner[line, found], unsure[line, found] = lead, doubt
             found += 1

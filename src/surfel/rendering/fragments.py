@@ -14,14 +14,16 @@ from surfel.core.cast import Booleans
 class Fragments:
     """What each line of sight sees; written to as nearer things are found.
 
+    Where nothing is seen, only ``depth`` and ``leaf`` tell so; the others may hold anything.
+
     Parameters
     ----------
     depth : NDArray[np.float32], shape (m,)
         Relative to the depth of the scene's middle; infinite where nothing is seen.
     normal : NDArray[np.float32], shape (m, 3)
         Unit normals in the camera's frame, towards the camera.
-    color : NDArray[np.float32], shape (m, 3)
-        0 to 255.
+    color : NDArray[np.uint8], shape (m, 3)
+        Red, green and blue.
     leaf : NDArray[np.int32], shape (m,)
         Which leaf is seen, -1 for none.
     row : NDArray[np.int32], shape (m,)
@@ -30,7 +32,7 @@ class Fragments:
 
     depth: NDArray[np.float32]
     normal: NDArray[np.float32]
-    color: NDArray[np.float32]
+    color: NDArray[np.uint8]
     leaf: NDArray[np.int32]
     row: NDArray[np.int32]
 
@@ -40,7 +42,7 @@ class Fragments:
         return cls(
             np.full(count, np.inf, np.float32),
             np.zeros((count, 3), np.float32),
-            np.zeros((count, 3), np.float32),
+            np.empty((count, 3), np.uint8),
             np.full(count, -1, np.int32),
             np.full(count, -1, np.int32),
         )
@@ -51,7 +53,7 @@ class Fragments:
         return cls(
             np.empty(count, np.float32),
             np.empty((count, 3), np.float32),
-            np.empty((count, 3), np.float32),
+            np.empty((count, 3), np.uint8),
             np.empty(count, np.int32),
             np.empty(count, np.int32),
         )
@@ -63,6 +65,10 @@ class Fragments:
     def seen(self) -> Booleans:
         """Which lines see anything."""
         return np.asarray(self.leaf >= 0)
+
+    def clear(self, rows: NDArray[np.int64]) -> None:
+        """Let nothing be seen in some rows."""
+        self.depth[rows], self.leaf[rows] = np.inf, -1
 
     def put(self, rows: NDArray[np.int64], other: Fragments) -> None:
         """Put other fragments into some rows, where they are nearer."""

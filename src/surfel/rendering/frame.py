@@ -9,13 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel.core.cast import Floats
+from surfel.core.cast import Booleans, Floats
 from surfel.core.crossings import Crossings
 from surfel.rendering.camera import Camera
 from surfel.rendering.cast import Hits, Sight, cloud_at, first_hits, mesh_at, normals_at, sight, window
 from surfel.rendering.clip_buffer import Layers, layers_of, lists_at
+from surfel.rendering.disks import Disks
 from surfel.rendering.fragments import Fragments
-from surfel.rendering.raster import UNSURE, Disks, Placed, View, draw, place, view_of
+from surfel.rendering.placing import Placed, View, place, view_of
+from surfel.rendering.raster import STATES, SURE, TURNED, UNSURE, draw
 from surfel.rendering.scene import Item, Scene, box_of
 from surfel.rendering.verdicts import kept
 from surfel.shapes.mesh import Mesh
@@ -79,9 +81,10 @@ class Frame:
         """Return what is seen at the centre of every pixel, row after row."""
         if self.scene.splats:
             seen, state = draw(self.disks, self.placed, self.motions, self.view)
-            unsure = np.flatnonzero(state.ravel() == UNSURE)
-            if len(unsure):
-                seen.put(unsure, self._clouds_at(Places(unsure, CENTRE)))
+            deeper, away = self._deeper(seen, state.ravel())
+            if len(deeper):
+                seen.clear(deeper)
+                seen.put(deeper, self._clouds_at(Places(deeper, CENTRE), away))
         else:
             seen = Fragments.nothing(self.size[0] * self.size[1])
         for item in self.scene.items:
@@ -104,9 +107,12 @@ class Frame:
 
     def world(self, x: Floats, y: Floats, depth: NDArray[np.float32]) -> Floats:
         """Return the places of the world that lie at depths, relative to the middle, along lines of sight."""
-        looking = self._sight(x, y)
-        t = depth.astype(np.float64) / looking.ahead
-        return np.asarray(looking.lines.origins + t[:, None] * looking.lines.directions)
+        width, height = self.size
+        turn, focal, ahead = self.camera.frame, self.camera.focal(height), depth.astype(np.float64)
+        wide = np.full(len(x), self.camera.distance) if self.camera.orthographic else self.middle + ahead
+        across, down = (x - 0.5 * (width - 1)) * wide / focal, (y - 0.5 * (height - 1)) * wide / focal
+        middle = self.camera.eye + self.middle * turn[2]
+        return np.asarray(middle + np.column_stack([across, down, ahead]) @ turn)
 
     def _sight(self, x: Floats, y: Floats) -> Sight:
         return sight(self.camera, self.size, x, y, self.middle, float(self.view.near))
@@ -121,40 +127,50 @@ class Frame:
         rows, columns = np.arange(low_y, high_y + 1), np.arange(low_x, high_x + 1)
         return (rows[:, None] * self.size[0] + columns).ravel()
 
-    def _clouds_at(self, places: Places) -> Fragments:
-        """Return the first sheet of the clouds that the trees keep, at places within pixels."""
+    def _deeper(self, seen: Fragments, state: NDArray[np.uint8]) -> tuple[NDArray[np.int64], Booleans | None]:
+        """Return the pixels that show what lies behind the nearest sheet, and whether because that is cut away."""
+        unsure = np.flatnonzero(state & STATES == UNSURE)
+        x, y = Places(unsure, CENTRE).columns_and_rows(self.size[0])
+        outward = np.where((state[unsure] & TURNED != 0)[:, None], -seen.normal[unsure], seen.normal[unsure])
+        good = self._verdicts(x, y, seen.depth[unsure], outward, seen.leaf[unsure])
+        state[unsure[good]] = SURE
+        deeper = np.flatnonzero(state & STATES >= UNSURE)
+        return deeper, np.asarray(state[deeper] & STATES == UNSURE)
+
+    def _clouds_at(self, places: Places, away: Booleans | None = None) -> Fragments:
+        """Return the first sheet of the clouds that the trees keep; where it is known to be cut away, a later one."""
         lists = lists_at(self.disks, self.placed, self.motions, self.view, places.pixels, places.offsets)
-        layers = layers_of(self.disks, self.placed, lists)
+        layers = layers_of(self.disks, self.placed, self.motions, self.view, lists)
         x, y = places.columns_and_rows(self.size[0])
         valid = np.arange(layers.winner.shape[1]) < layers.number[:, None]
-        good = valid & ~layers.unsure
-        line, level = np.nonzero(valid & layers.unsure)
+        good, ask = valid & ~layers.unsure, valid & layers.unsure
+        if away is not None:
+            ask[away, 0] = good[away, 0] = False
+        line, level = np.nonzero(ask)
         if len(line):
-            good[line, level] = self._verdicts(layers, x, y, line, level)
+            value, leaf = layers.value[line, level], self.disks.leaf[layers.winner[line, level]]
+            good[line, level] = self._verdicts(x[line], y[line], value[:, 0], value[:, 1:4], leaf)
         return self._first_of(layers, good)
 
-    def _first_of(self, layers: Layers, good: NDArray[np.bool_]) -> Fragments:
+    def _first_of(self, layers: Layers, good: Booleans) -> Fragments:
         """Return the first good sheet of each line."""
         first = np.argmax(good, axis=1)
         rows = np.flatnonzero(good[np.arange(len(first)), first])
         first = first[rows]
         seen = Fragments.nothing(len(good))
         value, who = layers.value[rows, first], layers.winner[rows, first]
-        seen.depth[rows], seen.normal[rows], seen.color[rows] = value[:, 0], value[:, 1:4], value[:, 4:7]
+        seen.depth[rows], seen.normal[rows], seen.color[rows] = value[:, 0], value[:, 1:4], np.rint(value[:, 4:7])
         seen.leaf[rows], seen.row[rows] = self.disks.leaf[who], self.disks.row[who]
         back = seen.normal[:, 2] > 0.0
         seen.normal[back] = -seen.normal[back]
         return seen
 
     def _verdicts(
-        self, layers: Layers, x: Floats, y: Floats, line: NDArray[np.int64], level: NDArray[np.int64]
-    ) -> NDArray[np.bool_]:
+        self, x: Floats, y: Floats, depth: NDArray[np.float32], normal: NDArray[np.float32], leaf: NDArray[np.int32]
+    ) -> Booleans:
         """Ask the trees for the blended points of sheets that a cut may pass."""
-        value = layers.value[line, level]
-        points = self.world(x[line], y[line], value[:, 0])
-        normals = value[:, 1:4].astype(np.float64) @ self.camera.frame
-        leaf = self.disks.leaf[layers.winner[line, level]]
-        good = np.zeros(len(line), np.bool_)
+        points, normals = self.world(x, y, depth), normal.astype(np.float64) @ self.camera.frame
+        good = np.zeros(len(x), np.bool_)
         for k in np.unique(leaf):
             rows, item = np.flatnonzero(leaf == k), self.scene.item_of(int(k))
             good[rows] = kept(item, int(k) - item.first, points[rows], normals[rows], self.scene.reach)
@@ -191,7 +207,7 @@ class Frame:
             else:
                 normal = normals_at(leaf, points[of], along[of])
             found.normal[of] = normal @ self.camera.frame.T
-            found.color[of] = self.scene.colors[k + item.first] if colors is None else colors
+            found.color[of] = self.scene.colors[k + item.first] if colors is None else np.rint(colors)
         return found
 
     def _first_kept(self, item: Item, leaves: Iterable[int], looking: Sight, limit: NDArray[np.float32]) -> Hits:

@@ -56,7 +56,9 @@ class Image:
     @cached_property
     def normals(self) -> NDArray[np.float32]:
         """Unit normals in the world, towards the camera, shape (h, w, 3); zero where nothing is seen."""
-        return read_only((self._seen.normal @ self.camera.frame.astype(np.float32)).reshape(self.pixels.shape))
+        normals = np.zeros_like(self._seen.normal)
+        normals[self._seen.seen] = self._seen.normal[self._seen.seen] @ self.camera.frame.astype(np.float32)
+        return read_only(normals.reshape(self.pixels.shape))
 
     @cached_property
     def ids(self) -> NDArray[np.int32]:
@@ -66,7 +68,8 @@ class Image:
     @cached_property
     def rows(self) -> NDArray[np.int32]:
         """Of a cloud, the row of the surfel that is seen, shape (h, w); -1 where there is none."""
-        return read_only(self._seen.row.reshape(self.pixels.shape[:2]))
+        rows = np.where(self._seen.seen, self._seen.row, np.int32(-1))
+        return read_only(rows.reshape(self.pixels.shape[:2]))
 
     @property
     def size(self) -> tuple[int, int]:

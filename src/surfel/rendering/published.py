@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from surfel._numba import rows, threads_for
 from surfel.core.cast import Booleans
 from surfel.rendering.clip_buffer import Lists, layers_of, lists_at
+from surfel.rendering.disks import EDGE, Disks
 from surfel.rendering.fragments import Fragments
 from surfel.rendering.frame import CENTRE, Frame, Places
-from surfel.rendering.raster import BLEND, EDGE, NOTHING, Disks, draw
+from surfel.rendering.projection import normal_of
+from surfel.rendering.raster import BLEND, NOTHING, STATES, UNSURE, draw
 from surfel.rendering.verdicts import kept, sides_of
 
 _SIDE_UNKNOWN = np.uint8(255)
@@ -28,11 +30,14 @@ class ClipBuffer(Frame):
     solid without a surfel there is judged at the centre of the surfel.
     """
 
-    def _clouds_at(self, places: Places) -> Fragments:
+    def _deeper(self, seen: Fragments, state: NDArray[np.uint8]) -> tuple[NDArray[np.int64], None]:
+        return np.flatnonzero(state & STATES >= UNSURE), None
+
+    def _clouds_at(self, places: Places, away: Booleans | None = None) -> Fragments:
         lists = lists_at(self.disks, self.placed, self.motions, self.view, places.pixels, places.offsets)
         self._clip(lists)
         plain = self.disks._replace(flags=self.disks.flags & np.uint8(255 - EDGE))
-        layers = layers_of(plain, self.placed, lists)
+        layers = layers_of(plain, self.placed, self.motions, self.view, lists)
         return self._first_of(layers, np.arange(layers.winner.shape[1]) < layers.number[:, None])
 
     def _clip(self, lists: Lists) -> None:
@@ -46,8 +51,8 @@ class ClipBuffer(Frame):
             item, of = self.scene.item_of(int(k)), np.flatnonzero(leaf == k)
             assert item.rule is not None  # only trees have edges
             who = lists.who[edge[of]]
-            points = self.disks.points[who] + self.scene.origins[k]
-            normals = self.disks.normals[who].astype(np.float64)
+            points = self.disks.points[:, who].T + self.scene.origins[k]
+            normals = self.disks.normals[:, who].T.astype(np.float64)
             sides = {}
             for j, other in enumerate(item.leaves):
                 if j + item.first == k or j in item.rule.sheets:
@@ -81,38 +86,33 @@ class Quads(Frame):
         good: Booleans = ~edge
         for k in np.unique(disks.leaf[edge]):
             item, of = self.scene.item_of(int(k)), np.flatnonzero(edge & (disks.leaf == k))
-            points = disks.points[of] + self.scene.origins[k]
-            normals = disks.normals[of].astype(np.float64)
+            points = disks.points[:, of].T + self.scene.origins[k]
+            normals = disks.normals[:, of].T.astype(np.float64)
             good[of] = kept(item, int(k) - item.first, points, normals, self.scene.reach)
-        clips = np.diff(disks.clips)
-        planes = disks.planes[np.repeat(good, clips)]
-        starts = np.concatenate([[0], np.cumsum(clips[good])]).astype(np.int32)
-        chosen = {name: getattr(disks, name)[good] for name in disks._fields if name not in ("clips", "planes", "axes")}
-        chosen["flags"] = chosen["flags"] & np.uint8(255 - EDGE)
-        axes = disks.axes[good] if len(disks.axes) else disks.axes
-        return Disks(**chosen, clips=starts, planes=planes, axes=axes)
+        some = disks.chosen(good)
+        return some._replace(flags=some.flags & np.uint8(255 - EDGE))
 
     def grid(self) -> Fragments:
         """Return what is seen at the centre of every pixel, row after row."""
         seen = super().grid()
         if self.scene.splats:
             _, state = draw(self.disks, self.placed, self.motions, self.view)
-            pixels = np.flatnonzero((state.ravel() != NOTHING) & (seen.row >= 0))
+            pixels = np.flatnonzero((state.ravel() & STATES != NOTHING) & seen.seen & (seen.row >= 0))
             blended = self._clouds_at(Places(pixels, CENTRE))
             seen.normal[pixels], seen.color[pixels] = blended.normal, blended.color
         return seen
 
-    def _clouds_at(self, places: Places) -> Fragments:
+    def _clouds_at(self, places: Places, away: Booleans | None = None) -> Fragments:
         lists = lists_at(self.disks, self.placed, self.motions, self.view, places.pixels, places.offsets)
         seen = Fragments.nothing(len(lists.counts))
         with threads_for(100 * len(seen)):
-            _blend_over(len(seen), lists, self.disks, self.placed.record, *_columns(seen))
+            _blend_over(len(seen), lists, self.disks, self.motions, *_columns(seen))
         back = seen.normal[:, 2] > 0.0
         seen.normal[back] = -seen.normal[back]
         return seen
 
 
-def _columns(seen: Fragments) -> tuple[NDArray[np.float32] | NDArray[np.int32], ...]:
+def _columns(seen: Fragments) -> tuple[NDArray[np.float32] | NDArray[np.uint8] | NDArray[np.int32], ...]:
     return seen.depth, seen.normal, seen.color, seen.leaf, seen.row
 
 
@@ -133,7 +133,7 @@ def _partners(first, last, lists, leaf, label, own, other, sides):
 
 
 @rows
-def _blend_over(first, last, lists, disks, record, depth, normal, color, out_leaf, out_row):
+def _blend_over(first, last, lists, disks, motions, depth, normal, color, out_leaf, out_row):
     starts, counts, z, weight, who = lists
     for line in range(first, last):
         begin, end = starts[line], starts[line] + counts[line]
@@ -144,22 +144,23 @@ def _blend_over(first, last, lists, disks, record, depth, normal, color, out_lea
         if lead < 0:
             continue
         depth[line], out_leaf[line], out_row[line] = nearest, disks.leaf[lead], disks.row[lead]
-        nx, ny, nz = record[lead, 4], record[lead, 5], record[lead, 6]
+        nx, ny, nz = normal_of(lead, disks.leaf[lead], disks.normals, motions)
         red, green, blue = (
             np.float32(disks.colors[lead, 0]), np.float32(disks.colors[lead, 1]), np.float32(disks.colors[lead, 2])
         )  # fmt: skip
         for a in range(begin, end):
             i = who[a]
-            if z[a] > nearest + BLEND * record[i, 8]:
+            if z[a] > nearest + BLEND * disks.radii[i]:
                 continue
             opacity = math.exp(-_FOUR * (_ONE - math.sqrt(weight[a])))  # the weight is (1 - u)^2
-            nx += opacity * (record[i, 4] - nx)
-            ny += opacity * (record[i, 5] - ny)
-            nz += opacity * (record[i, 6] - nz)
+            ax, ay, az = normal_of(i, disks.leaf[i], disks.normals, motions)
+            nx += opacity * (ax - nx)
+            ny += opacity * (ay - ny)
+            nz += opacity * (az - nz)
             red += opacity * (np.float32(disks.colors[i, 0]) - red)
             green += opacity * (np.float32(disks.colors[i, 1]) - green)
             blue += opacity * (np.float32(disks.colors[i, 2]) - blue)
         length = math.sqrt(nx * nx + ny * ny + nz * nz)
         if length > _ZERO:
             normal[line, 0], normal[line, 1], normal[line, 2] = nx / length, ny / length, nz / length
-        color[line, 0], color[line, 1], color[line, 2] = red, green, blue
+        color[line, 0], color[line, 1], color[line, 2] = np.uint8(red), np.uint8(green), np.uint8(blue)

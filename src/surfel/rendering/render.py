@@ -136,5 +136,5 @@ def _developed(frame: Frame, seen: Fragments, ground: NDArray[np.uint8], smooth:
         edges = silhouettes(seen, frame.view)
         if len(edges):
             found = frame.at(Places(edges, _WITHIN))
-            mean_of_places(found, len(_WITHIN), seen, frame.view, edges, ground, picture)
-    return picture
+            mean_of_places(found, len(_WITHIN), edges, ground, picture)
+    return picture.pixels

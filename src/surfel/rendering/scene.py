@@ -9,13 +9,12 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surfel.booleans.sides import Rule, is_sheet
 from surfel.core.cast import Floats
 from surfel.core.errors import InputError
+from surfel.rendering.disks import CLIPPED, CREASE, EDGE, ELLIPTIC, PAINTED, Disks, joined
 from surfel.rendering.palette import leaf_color
-from surfel.rendering.raster import CLIPPED, CREASE, EDGE, ELLIPTIC, PAINTED, Disks
 from surfel.rendering.shown import as_shapes
 from surfel.rendering.splats import Splats, splats_of
 from surfel.rendering.survivors import Survivors, survivors_of
@@ -89,8 +88,8 @@ class Scene:
     def outline(self) -> Floats:
         """Places round which a camera is fitted, shape (m, 3): some surfels, and corners round what is exact."""
         disks = self.disks
-        some = slice(None, None, len(disks.points) // _FEW + 1)
-        parts = [disks.points[some] + self.origins[disks.leaf[some]]]
+        some = slice(None, None, len(disks.radii) // _FEW + 1)
+        parts = [disks.points[:, some].T + self.origins[disks.leaf[some]]]
         for item in self.items:
             box = box_of(item.shape)
             if box is None:
@@ -142,7 +141,7 @@ class Scene:
                 own = np.where(found.flags & PAINTED, found.colors.T, self.colors[item.first + found.leaf].T).T
                 found = found._replace(leaf=found.leaf + np.int32(item.first), colors=own.astype(np.uint8))
             parts.append(found)
-        return _joined(parts)
+        return joined(parts)
 
 
 _made: WeakKeyDictionary[Shape, Disks] = WeakKeyDictionary()
@@ -159,7 +158,7 @@ def _disks_of(item: Item) -> Disks:
                 if splats is not None:
                     kept = Survivors.all(len(splats)) if item.rule is None else survivors_of(item, k)
                     parts.append(_disks(splats, k, kept))
-            _made[item.shape] = _joined(parts)
+            _made[item.shape] = joined(parts)
         return _made[item.shape]
 
 
@@ -197,8 +196,8 @@ def _disks(splats: Splats, leaf: int, kept: Survivors) -> Disks:
     rgb = np.tile(np.array(leaf_color(leaf), np.uint8), (n, 1)) if splats.colors is None else splats.colors[rows]
     axes = np.empty((0, 6)) if splats.axes is None else splats.axes[rows]
     return Disks(
-        splats.index.points[rows].astype(np.float32),
-        splats.normals[rows].astype(np.float32),
+        np.ascontiguousarray(splats.index.points[rows].T, np.float32),
+        np.ascontiguousarray(splats.normals[rows].T, np.float32),
         splats.radii[rows].astype(np.float32),
         splats.bends[rows].astype(np.float32),
         np.ascontiguousarray(rgb),
@@ -209,34 +208,3 @@ def _disks(splats: Splats, leaf: int, kept: Survivors) -> Disks:
         planes.astype(np.float32).reshape(-1, 4),
         axes.astype(np.float32),
     )
-
-
-def _joined(parts: list[Disks]) -> Disks:
-    """Join disks, one after the other."""
-    if len(parts) == 1:
-        return parts[0]
-    if not parts:
-        return _NONE
-    some_axes = any(len(part.axes) for part in parts)
-    starts = np.cumsum([0, *(int(part.clips[-1]) for part in parts)])
-    columns: dict[str, list[NDArray[Any]]] = {name: [getattr(part, name) for part in parts] for name in Disks._fields}
-    columns["clips"] = [part.clips[:-1] + start for part, start in zip(parts, starts[:-1], strict=True)]
-    columns["clips"].append(starts[-1:])
-    if some_axes:  # those of round disks are never read
-        columns["axes"] = [part.axes if len(part.axes) else np.ones((len(part.radii), 6)) for part in parts]
-    return Disks(**{k: np.concatenate(v).astype(getattr(_NONE, k).dtype) for k, v in columns.items()})
-
-
-_NONE = Disks(
-    np.empty((0, 3), np.float32),
-    np.empty((0, 3), np.float32),
-    np.empty(0, np.float32),
-    np.empty(0, np.float32),
-    np.empty((0, 3), np.uint8),
-    np.empty(0, np.int32),
-    np.empty(0, np.uint8),
-    np.empty(0, np.int32),
-    np.zeros(1, np.int32),
-    np.empty((0, 4), np.float32),
-    np.empty((0, 6), np.float32),
-)

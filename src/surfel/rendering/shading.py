@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import inlined, inner, rows, threads_for
+from surfel._numba import inlined, rows, threads_for
+from surfel.rendering.eights import LANES, load, pick, ramp, root, some, store
 from surfel.rendering.fragments import Fragments
-from surfel.rendering.raster import View
+from surfel.rendering.placing import View
 
 KEY = np.array([-0.42, -0.55, -0.72]) / math.sqrt(0.42**2 + 0.55**2 + 0.72**2)
 """Where the key light comes from, in the camera's frame: over the viewer's left shoulder."""
@@ -24,12 +26,19 @@ _REACH = 0.035  # of the picture's height: how far corners are looked for
 _SAMPLES = 12
 _OCCLUSION, _OUTLINE, _DARKEST = np.float32(1.9), np.float32(0.55), np.float32(0.15)
 _RISE, _STEP = np.float32(0.1), np.float32(0.15)  # what is not dark yet: of slopes, and of steps over the reach
-_ZERO, _HALF, _ONE, _FOUR, _INF = (np.float32(v) for v in (0.0, 0.5, 1.0, 4.0, np.inf))
+_ZERO, _QUARTER, _HALF, _ONE, _FOUR, _INF = (np.float32(v) for v in (0.0, 0.25, 0.5, 1.0, 4.0, np.inf))
 _GAMMA = 2.2
 
 
-def developed(seen: Fragments, view: View, background: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the pixels of a picture, shape (h, w, 3): what every line of sight sees, in the light.
+class Developed(NamedTuple):
+    """A picture, and how much of the light reaches each of its pixels."""
+
+    pixels: NDArray[np.uint8]  # (h, w, 3)
+    light: NDArray[np.float32]  # (h, w): 0 to 1
+
+
+def developed(seen: Fragments, view: View, background: NDArray[np.uint8]) -> Developed:
+    """Return what every line of sight sees, in the light.
 
     Ambient occlusion from the depths alone (after Filion and McNaughton, *Effects and Techniques*, 2008): of places
     round each pixel, those that rise over its tangent plane and are not far take light away. Just behind what stands in
@@ -44,25 +53,27 @@ def developed(seen: Fragments, view: View, background: NDArray[np.uint8]) -> NDA
     background : NDArray[np.uint8], shape (3,)
         Red, green and blue.
     """
-    pixels = np.empty((view.height, view.width, 3), np.uint8)
-    grid = (seen.depth.reshape(view.height, -1), seen.normal.reshape(view.height, -1, 3))
-    color = seen.color.reshape(view.height, -1, 3)
+    shape = (view.height, view.width)
+    found = Developed(np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32))
+    grid = (seen.depth.reshape(shape), seen.normal.reshape(*shape, 3), seen.color.reshape(*shape, 3))
     radius = max(3.0, _REACH * view.height)
+    rim = int(radius) + 1
+    wide = np.full((view.height + 2 * rim, view.width + 2 * rim + LANES), np.inf, np.float32)
+    wide[rim : rim + view.height, rim : rim + view.width] = grid[0]
     with threads_for(30 * len(seen)):
         _develop(
-            view.height, *grid, color, view, _pattern(radius), np.float32(radius), background, _LINEAR, _BYTES, pixels
+            view.height, *grid, view, _pattern(radius), np.float32(radius), background, _LINEAR, _BYTES, wide,
+            np.int64(rim), *found,
         )  # fmt: skip
-    return pixels
+    return found
 
 
 def mean_of_places(
     seen: Fragments,
     places: int,
-    centres: Fragments,
-    view: View,
     pixels: NDArray[np.int64],
     background: NDArray[np.uint8],
-    picture: NDArray[np.uint8],
+    picture: Developed,
 ) -> None:
     """Write the mean of several places into pixels of a picture.
 
@@ -72,23 +83,17 @@ def mean_of_places(
         ``places`` rows for each of the pixels.
     places : int
         How many that are.
-    centres : Fragments
-        What every pixel of the picture sees at its centre: how much light reaches it is taken from there.
-    view : View
-        The picture.
     pixels : NDArray[np.int64], shape (p,)
         Which pixels.
     background : NDArray[np.uint8], shape (3,)
         Red, green and blue.
-    picture : NDArray[np.uint8], shape (h, w, 3)
-        Written to.
+    picture : Developed
+        Its pixels are written to; the light at their centres is taken for all places.
     """
-    grid = (centres.depth.reshape(view.height, -1), centres.normal.reshape(view.height, -1, 3))
-    radius = max(3.0, _REACH * view.height)
     with threads_for(30 * len(pixels)):
         _average(
-            len(pixels), pixels, np.int64(places), seen.depth, seen.normal, seen.color, *grid, view, _pattern(radius),
-            np.float32(radius), background, _LINEAR, _BYTES, picture.reshape(-1, 3),
+            len(pixels), pixels, np.int64(places), seen.depth, seen.normal, seen.color, background, _LINEAR, _BYTES,
+            picture.light.reshape(-1), picture.pixels.reshape(-1, 3),
         )  # fmt: skip
 
 
@@ -115,68 +120,88 @@ def _strength(nx, ny, nz):
     return bright, _SHEEN * sheen
 
 
-@inner
-def _reached(depth, normal, x, y, view, pattern, radius):
-    """Return how much of the light reaches a pixel, 0 to 1."""
-    height, width = depth.shape
+@rows
+def _develop(
+    first, last, depth, normal, color, view, pattern, radius, background, linear, encoded, wide, rim, pixels, light
+):
+    """Develop some rows, eight pixels at once."""
+    width = depth.shape[1]
     slope, middle, size, cx, cy = view.slope, view.depth, view.size, view.cx, view.cy
-    z = depth[y, x]
-    pixel = (middle + z) * slope if slope > _ZERO else size
-    nx, ny, nz = normal[y, x, 0], normal[y, x, 1], normal[y, x, 2]
-    dark, front, reach = _ZERO, _ZERO, radius * pixel
+    stride = wide.shape[1]
+    around, most = wide.reshape(-1), np.float32(len(encoded) - 1)
+    nx, ny, nz = np.zeros(LANES, np.float32), np.zeros(LANES, np.float32), np.zeros(LANES, np.float32)
+    lit = np.empty(LANES, np.float32)
+    none = np.uint64(0)
+    for y in range(first, last):
+        for begin in range(0, width, LANES):
+            number = min(LANES, width - begin)
+            z = load(around, np.uint64((y + rim) * stride + begin + rim))
+            if some(z < _INF):
+                for lane in range(number):
+                    nx[lane], ny[lane], nz[lane] = (
+                        normal[y, begin + lane, 0], normal[y, begin + lane, 1], normal[y, begin + lane, 2]
+                    )  # fmt: skip
+                store(
+                    lit, none,
+                    _reached(
+                        around, stride, rim, begin, y, z, load(nx, none), load(ny, none), load(nz, none), slope, middle,
+                        size, cx, cy, pattern, radius,
+                    ),
+                )  # fmt: skip
+            for lane in range(number):
+                x = begin + lane
+                if not depth[y, x] < _INF:
+                    light[y, x] = _ONE
+                    for k in range(3):
+                        pixels[y, x, k] = background[k]
+                    continue
+                light[y, x] = lit[lane]
+                bright, sheen = _strength(nx[lane], ny[lane], nz[lane])
+                for k in range(3):
+                    value = lit[lane] * (linear[color[y, x, k]] * bright + sheen)
+                    pixels[y, x, k] = encoded[np.int32(min(value, _ONE) * most)]
+
+
+@inlined
+def _reached(around, stride, rim, x, y, z, nx, ny, nz, slope, middle, size, cx, cy, pattern, radius):
+    """Return how much of the light reaches eight pixels, 0 to 1."""
+    pixel = (z + middle) * slope if slope > _ZERO else z * _ZERO + size
+    reach = pixel * radius
+    dark = front = pixel * _ZERO
+    over_square = _ONE / (reach * reach)
     for k in range(len(pattern)):
-        h, v = x + pattern[k, 0], y + pattern[k, 1]
-        if h < 0 or v < 0 or h >= width or v >= height or not depth[v, h] < _INF:
-            continue
-        # where the other place lies, seen from this one
-        rise = depth[v, h] - z
-        ox = np.float32(pattern[k, 0]) * pixel + (np.float32(h) - cx) * slope * rise
-        oy = np.float32(pattern[k, 1]) * pixel + (np.float32(v) - cy) * slope * rise
+        h, v = pattern[k, 0], pattern[k, 1]
+        # where the other places lie, seen from these; what is not finite fails the comparisons
+        rise = load(around, np.uint64((y + v + rim) * stride + x + h + rim)) - z
+        there = (ramp() + (np.float32(x + h) - cx)) * slope
+        ox = pixel * np.float32(h) + there * rise
+        oy = pixel * np.float32(v) + rise * ((np.float32(y + v) - cy) * slope)
         over = nx * ox + ny * oy + nz * rise
         if k < 4:
-            front += max(_ZERO, over / reach - _STEP)
-            continue
-        square = ox * ox + oy * oy + rise * rise
-        fade = square / (reach * reach)
-        if over > _ZERO and fade < _FOUR:
-            dark += max(over / math.sqrt(square) - _RISE, _ZERO) * (_ONE - fade / _FOUR)
-    light = max(_DARKEST, _ONE - _OCCLUSION * dark / np.float32(len(pattern) - 4))
-    return light * (_ONE - _OUTLINE * min(front, _ONE))
+            step = over / reach - _STEP
+            front = front + pick((step > _ZERO) & (step < _INF), step, _ZERO)
+        else:
+            square = ox * ox + oy * oy + rise * rise
+            fade, angle = square * over_square, over / root(square) - _RISE
+            dark = dark + pick((angle > _ZERO) & (fade < _FOUR), angle * (_ONE - fade * _QUARTER), _ZERO)
+    light = _ONE - dark * (_OCCLUSION / np.float32(len(pattern) - 4))
+    light = pick(light < _DARKEST, _DARKEST, light)
+    return light * (_ONE - pick(front < _ONE, front, _ONE) * _OUTLINE)
 
 
 @rows
-def _develop(first, last, depth, normal, color, view, pattern, radius, background, linear, encoded, pixels):
-    most = np.float32(len(encoded) - 1)
-    for y in range(first, last):
-        for x in range(depth.shape[1]):
-            if not depth[y, x] < _INF:
-                for k in range(3):
-                    pixels[y, x, k] = background[k]
-                continue
-            light = _reached(depth, normal, x, y, view, pattern, radius)
-            bright, sheen = _strength(normal[y, x, 0], normal[y, x, 1], normal[y, x, 2])
-            for k in range(3):
-                value = light * (linear[np.uint8(color[y, x, k] + _HALF)] * bright + sheen)
-                pixels[y, x, k] = encoded[np.int32(min(value, _ONE) * most)]
-
-
-@rows
-def _average(
-    first, last, rows, places, depth, normal, color, all_depth, all_normal, view, pattern, radius, background, linear,
-    encoded, pixels,
-):  # fmt: skip
-    most, width = np.float32(len(encoded) - 1), all_depth.shape[1]
-    total = np.empty(3, np.float32)
+def _average(first, last, rows, places, depth, normal, color, background, linear, encoded, light, pixels):
+    most, total = np.float32(len(encoded) - 1), np.empty(3, np.float32)
     for r in range(first, last):
-        y, x = rows[r] // width, rows[r] % width
-        light = _reached(all_depth, all_normal, x, y, view, pattern, radius) if all_depth[y, x] < _INF else _ONE
         total[:] = _ZERO
         for s in range(r * places, (r + 1) * places):
+            if not depth[s] < _INF:
+                for k in range(3):
+                    total[k] += linear[background[k]]
+                continue
+            reached = light[rows[r]]
             bright, sheen = _strength(normal[s, 0], normal[s, 1], normal[s, 2])
             for k in range(3):
-                if depth[s] < _INF:
-                    total[k] += light * (linear[np.uint8(color[s, k] + _HALF)] * bright + sheen)
-                else:
-                    total[k] += linear[background[k]]
+                total[k] += reached * (linear[color[s, k]] * bright + sheen)
         for k in range(3):
             pixels[rows[r], k] = encoded[np.int32(min(total[k] / np.float32(places), _ONE) * most)]

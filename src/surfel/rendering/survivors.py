@@ -7,6 +7,7 @@ that is built anew over the same leaves, or with one leaf moved, only what has c
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -25,7 +26,8 @@ from surfel.shapes.tree import Tree
 if TYPE_CHECKING:
     from surfel.rendering.scene import Item
 
-_RING = 1.15  # a polygon of eight corners on this circle holds the disk
+_CORNERS = 6
+_RING = 1.16  # a polygon of so many corners on this circle holds the disk
 _COMMON = 0.99  # share of the radii that a classifier is asked to reach for; larger disks count as near
 
 
@@ -86,6 +88,8 @@ def _in_cloud(cloud: Surfels, splats: Splats, other: Surfels) -> Beside:
     near[operand.order] = found.near | (found.kind > IN)
     order = splats.index.order
     kind, near = kind[order], near[order] | (splats.radii > reach)
+    places = np.flatnonzero(near & (kind <= IN))
+    near[places] = _parted(splats, places, kind[places] == IN, lambda points: other.classifier.classify(points).inside)
     on = kind > IN
     if on.any() and n > AROUND:
         rows = np.flatnonzero(on)
@@ -111,13 +115,21 @@ def _in_solid(splats: Splats, other: Shape) -> Beside:
     if not len(some):
         return Beside.constant(False, n)
     inside[some] = other._contains(points[some])
-    u, v = frames(splats.normals[some])
-    for k in range(8):
-        angle = 0.25 * np.pi * k
-        off = np.cos(angle) * u + np.sin(angle) * v
-        near[some] |= other._contains(points[some] + wide[some] * off) != inside[some]
+    near[some] = _parted(splats, some, inside[some], other._contains)
     found = _bits(inside, near)
     return Beside(found, found, np.zeros(n, np.bool_))
+
+
+def _parted(
+    splats: Splats, rows: NDArray[np.int64], inside: Booleans, contains: Callable[[Floats], Booleans]
+) -> Booleans:
+    """Tell of some disks whether their centres and a ring of places round them lie on both sides of a surface."""
+    points, wide = splats.index.points[rows] + splats.index.origin, _RING * splats.radii[rows, None]
+    u, v = frames(splats.normals[rows])
+    parted = np.zeros(len(rows), np.bool_)
+    for angle in 2.0 * np.pi / _CORNERS * np.arange(_CORNERS):
+        parted |= contains(points + wide * (np.cos(angle) * u + np.sin(angle) * v)) != inside
+    return parted
 
 
 def _bits(inside: Booleans, near: Booleans) -> Bits:
