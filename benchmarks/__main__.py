@@ -16,7 +16,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    names = "accuracy|coverage|speed|peers|papers|judges|spaces|scans|render|files|fuzz"
+    names = "accuracy|coverage|speed|peers|papers|judges|spaces|scans|render|view|files|fuzz"
     commands = parser.add_subparsers(required=True, metavar=names)
     _add_accuracy(commands.add_parser("accuracy", help="errors and intervals of areas, volumes and centroids"))
     _add_coverage(commands.add_parser("coverage", help="how often intervals hold the truth"))
@@ -29,6 +29,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_spaces(commands.add_parser("spaces", help="the coloured grid beside octrees: wrong answers and times"))
     _add_scans(commands.add_parser("scans", help="areas and volumes of differences of two clouds"))
     _add_render(commands.add_parser("render", help="pictures: frame times, edges of cuts, and the reference"))
+    _add_view(commands.add_parser("view", help="the page in the browser: steps of a drag, and serving"))
     _add_files(commands.add_parser("files", help="reading and writing beside other libraries"))
     _add_fuzz(commands.add_parser("fuzz", help="damaged files through every reader"))
     return parser
@@ -86,9 +87,15 @@ def _add_coverage(parser: argparse.ArgumentParser) -> None:
     _common(parser)
     parser.add_argument("what", choices=("trees", "clouds"), help="of what")
     parser.add_argument(
-        "--family", default="fresh", choices=("fresh", "calibrating"),
+        "--family", default="judging", choices=("judging", "calibrating"),
         help="of clouds: shapes that judge the interval (default), or those that it was fitted to",
     )  # fmt: skip
+    parser.add_argument(
+        "--rows", metavar="FILE.jsonl", help="of clouds: keep every answer there; those in it are not asked for again"
+    )
+    parser.add_argument(
+        "--minutes", type=float, default=float("inf"), metavar="M", help="of clouds: stop after so long"
+    )
     parser.set_defaults(run=_coverage)
 
 
@@ -97,7 +104,7 @@ def _coverage(chosen: argparse.Namespace) -> int:
     from benchmarks.tables import publish
 
     if chosen.what == "clouds":
-        found = coverage_clouds.run(chosen.quick, chosen.family)
+        found = coverage_clouds.run(chosen.quick, chosen.family, rows=chosen.rows, minutes=chosen.minutes)
         publish(coverage_clouds.report(found, chosen.family), chosen.out)
     else:
         publish(coverage_trees.run(chosen.quick), chosen.out)
@@ -274,6 +281,19 @@ def _render(chosen: argparse.Namespace) -> int:
     from benchmarks.tables import publish
 
     publish(render.report(chosen.quick), chosen.out)
+    return 0
+
+
+def _add_view(parser: argparse.ArgumentParser) -> None:
+    _common(parser)
+    parser.set_defaults(run=_view)
+
+
+def _view(chosen: argparse.Namespace) -> int:
+    from benchmarks import view
+    from benchmarks.tables import publish
+
+    publish(view.report(chosen.quick), chosen.out)
     return 0
 
 

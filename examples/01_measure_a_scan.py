@@ -32,3 +32,4 @@ print(f"closed   {m.closed}: {m.leak:.2%} of the lines that hit leak")
 print(f"noise    {m.noise * m.spacing:.4f}, truth {NOISE}")
 for warning in m.warnings:
     print(f"warning: {warning}")
+surfel.render(scan, size=(640, 480)).save("torus.png")

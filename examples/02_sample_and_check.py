@@ -19,3 +19,6 @@ for kind in ("random", "blue"):
         print(f"{kind} points, {'no normals' if given is None else 'normals given'}:")
         print(f"  area   {m.area}, truth {exact.area.value:.4f}")
         print(f"  volume {m.volume}, truth {exact.volume.value:.4f}")
+surfel.render([wedge, surfel.Surfels(points, normals=normals).translated((2.5, 0, 0))], size=(640, 480)).save(
+    "wedge.png"
+)

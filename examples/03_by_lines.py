@@ -31,3 +31,4 @@ lines = surfel.Lines(origins, directions, np.full(N, 2.0 * np.pi**2 * R**2 / N))
 hits = bowl.cross(lines)
 sums = hits.weight_per_line() * lines.weights / np.pi
 print(f"by hand      {surfel.Estimate(sums.sum(), sums.std() * np.sqrt(N))}, truth {TRUTH:.4f}")
+surfel.render(bowl, size=(640, 480)).save("bowl.png")

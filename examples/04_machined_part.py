@@ -26,3 +26,4 @@ print("centroid    ", m.centroid)
 
 surfel.write("part.csg", part)
 print("read again:  area", surfel.measure(surfel.read("part.csg")).area)
+surfel.render(part, size=(640, 480)).save("part.png")

@@ -26,3 +26,4 @@ print(f"cut away     {chips.volume}, truth {4 / 3 * np.pi * (R**3 - half**3):.2f
 # Only the part of the scan below a plane, closed by that plane.
 cap = surfel.measure(scan & surfel.HalfSpace((0, 0, 1), -5.0))
 print(f"cap          {cap.volume}, truth {np.pi * 25.0 * (3 * R - 5.0) / 3:.2f}")
+surfel.render(drilled, surfel.Camera(eye=(20, -35, 15), target=(0, 0, 0)), (640, 480)).save("drilled.png")

@@ -38,3 +38,4 @@ print("the probe is stopped after", np.round(lid.intersect(probe).t, 2), "mm:", 
 
 lid.save("roughing.npz")  # lid.to_3dm("roughing.3dm") writes the same surface for CAD (extra cad)
 print(surfel.SafeSpline.load("roughing.npz"))
+lid.plot(scan.points).savefig("roughing.png", dpi=60)  # extra plot

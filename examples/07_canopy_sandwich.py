@@ -35,3 +35,4 @@ thick = canopy(grid) - ground(grid)
 print(f"canopy over ground: {np.nanmean(thick):.1f} m in the mean, {np.nanmax(thick):.1f} m at most, never below 0:")
 print(f"  {np.nanmin(thick):.2f} m at the least, {np.isnan(thick).mean():.1%} of the grid trimmed")
 print(f"{canopy.report.compression:.0f} numbers of the file for each one of the surface")
+canopy.plot(surfel.read("flight.ply").points).savefig("canopy.png", dpi=60)  # extra plot

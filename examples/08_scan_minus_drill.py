@@ -34,3 +34,4 @@ for step in range(4):
     pose = np.eye(4)
     pose[0, 3] = 4.0 * step
     print(f"drill at {pose[0, 3]:4.1f} mm: {space.classify(tool, pose=pose).inside.mean():.0%} of it in the ball")
+surfel.render((scan - drill) & surfel.HalfSpace((0, 0, 1), 0.0), size=(640, 480)).save("half.png")

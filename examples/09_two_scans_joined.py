@@ -38,3 +38,4 @@ parts = {
 }
 for name, (tree, truth) in parts.items():
     print(f"{name:12s} {surfel.measure(tree, seed=1).volume}, truth {truth:.4f}")
+surfel.render(one - two, size=(640, 480)).save("bite.png")

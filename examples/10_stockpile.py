@@ -38,3 +38,4 @@ print(f"above 100 m: {stock.fill}")
 
 raw = surfel.cut_and_fill(before, after, REGION)
 print("with trucks and shrubs:", *raw.warnings)
+surfel.render(ground_of(after), size=(640, 480)).save("yard.png")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 import sys
 import time
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import surfel
 from surfel.viewer import elements
@@ -45,7 +47,7 @@ def few_disks():
 
 @pytest.fixture(scope="module")
 def viewer():
-    with surfel.view(solids(), names=["ball", "drill"], port=0) as made:
+    with surfel.view(solids(), names=["ball", "drill"], port=0, draw="browser") as made:
         assert made.settled(300.0)
         yield made
 
@@ -70,6 +72,40 @@ def arrow(picture):
     assert len(rows) > 20, "no handle is to be seen"
     tip = rows.min() + 8
     return float(np.median(columns[rows < tip + 4])), float(tip)
+
+
+def test_a_browser_without_a_graphics_card_gets_pictures_unasked(tmp_path):
+    """Chromium draws by software here, as on any machine without a graphics card."""
+    box = "document.getElementById([...document.querySelectorAll('label')].find(one => one.innerText.trim() === {!r})"
+    box = box.format("draw on the server") + ".htmlFor)"
+    with surfel.view(solids(), names=["ball", "drill"], port=0) as viewer:
+        assert viewer.settled(300.0)
+        with Page(tmp_path / "profile", *WINDOW) as page:
+            page.go(viewer.url)
+            page.wait_for(READY, 120.0)
+            page.wait_for(f"{box}.checked")
+            page.rest()
+            (client,) = viewer._server.get_clients().values()
+            drawn = np.asarray(Image.open(io.BytesIO(viewer.picture_file(client))).convert("RGB")).astype(int)
+            shown = page.picture()[: len(drawn)]
+            assert drawn.shape == shown.shape
+            alike = np.abs(drawn - shown).max(axis=2) < 40
+            assert alike[:, 330:SCENE].mean() > 0.9  # but for the handles; what is to the left are messages
+            assert page.complaints == []
+            before, start = volume(page), arrow(shown)
+            page.drag(start, (start[0], start[1] - 120.0))
+            assert viewer.settled(120.0)
+            page.wait_for(f"!/volume {before:g}/.test({NUMBERS})")
+            page.rest()
+            moved = page.picture()[: len(drawn)]
+            assert (np.abs(moved - shown).sum(axis=2) > 60)[:, 330:SCENE].mean() > 0.01
+            page.evaluate(f"{box}.click()")
+            page.wait_for(f"!{box}.checked")
+            page.rest()
+            own = page.picture()[: len(drawn)]
+            assert (np.abs(own - moved).max(axis=2) > 12)[:, 330:SCENE].mean() > 0.02  # disks, in another light
+            sand = (np.abs(own[:, :SCENE] - (214, 196, 168)).sum(axis=2) < 150) & (np.ptp(own[:, :SCENE], axis=2) > 4)
+            assert sand.mean() > 0.05
 
 
 def test_it_loads_from_this_computer_alone_and_shows_the_solids(viewer, page):

@@ -92,13 +92,13 @@ def test_a_draft_asks_only_what_has_moved(monkeypatch):
     from surfel.viewer import draft as module
 
     asked = []
-    real = module._inside
+    real = module._in_solid
 
-    def noted(one, mine, other, pose):
-        asked.append(other)
-        return real(one, mine, other, pose)
+    def noted(k, mine, solid, pose):
+        asked.append(solid)
+        return real(k, mine, solid, pose)
 
-    monkeypatch.setattr(module, "_inside", noted)
+    monkeypatch.setattr(module, "_in_solid", noted)
     stage = Stage([surfel.Sphere(1), surfel.Box(1), surfel.Sphere(0.5)])
     elements = [elements_of(part.shape, BOX) for part in stage.parts]
     draft = Draft()
@@ -233,24 +233,151 @@ def test_a_failure_is_told_and_the_worker_lives_on():
     worker.end()  # twice is no harm
 
 
-def test_disks_stay_hidden_while_pictures_are_sent():
-    """Neither a drag nor a result brings them back; switched on again, what was shown last is shown."""
+class Scene:
+    """A scene that notes what is in it: by name, the props of each node."""
+
+    def __init__(self):
+        self.nodes = {}
+
+    def _added(self, name, **known):
+        from unittest.mock import MagicMock
+
+        node = MagicMock(**{"visible": True, **known})
+        node.remove.side_effect = lambda: self.nodes.pop(name)
+        self.nodes[name] = node
+        return node
+
+    def add_frame(self, name, **known):
+        return self._added(name, **known)
+
+    def add_batched_meshes_simple(self, name, *given, **known):
+        return self._added(name, **known)
+
+    def __getattr__(self, name):
+        from unittest.mock import MagicMock
+
+        return MagicMock()
+
+
+def a_page():
     from unittest.mock import MagicMock
 
     from surfel.viewer.page import Page
 
-    server = MagicMock()
-    server.scene.add_batched_meshes_simple.side_effect = lambda *given, **known: MagicMock(**{"visible": True, **known})
-    page, frame = Page(server), Frame.of(BOX)
+    page = Page(MagicMock(scene=Scene()))
     elements = elements_of(ball(200), BOX)
-    page.add_part(0, elements, frame, np.zeros(3), lambda *moved: None)
-    disks, kept = page._disks[0], [np.ones(200, bool)]
-    page.show_everything(False)
-    page.show_parts(kept)
-    assert not disks.visible
-    page.show_result(elements, np.zeros(200, int), frame)
-    assert not disks.visible and not page._result.visible
-    page.show_everything(True)
-    assert page._result.visible and not disks.visible
-    page.show_parts(kept)
-    assert disks.visible and not page._result.visible
+    page.add_part(0, elements, Frame.of(BOX), np.zeros(3), lambda *moved: None)
+    return page, elements
+
+
+def test_the_result_takes_the_place_of_the_parts_and_the_other_way_round():
+    page, elements = a_page()
+    disks = page.server.scene.nodes["/parts/0/drawn/disks"]
+    page.show_parts([np.arange(200) < 50])
+    assert disks.visible and np.count_nonzero(disks.batched_scales) == 50
+    page.show_result(elements, np.zeros(200, int), Frame.of(BOX))
+    result = page.server.scene.nodes["/exact/result"]
+    assert result.visible and not disks.visible
+    page.show_parts([np.ones(200, bool)])
+    assert disks.visible and not result.visible
+
+
+@pytest.mark.parametrize(("up", "axis"), [("x", 0), ("y", 1), ("z", 2)])
+def test_cameras_are_above_whatever_axis_is_up(up, axis):
+    from surfel.viewer.page import SEEN_FROM
+
+    assert SEEN_FROM[up][axis] == 1.6
+    assert np.linalg.norm(SEEN_FROM[up]) == pytest.approx(np.linalg.norm(SEEN_FROM["z"]))
+
+
+@pytest.mark.parametrize("wrong", [{"up": "w"}, {"draw": "me"}])
+def test_wrong_choices_are_refused_before_anybody_listens(wrong, monkeypatch):
+    from surfel.viewer import viewer
+
+    monkeypatch.setattr(viewer, "start_server", lambda *given: pytest.fail("a server was started"))
+    with pytest.raises(surfel.InputError, match=next(iter(wrong))):
+        surfel.view(surfel.Sphere(1), port=0, **wrong)
+
+
+def test_the_probe_is_an_image_whose_script_survives_quoting():
+    from html.parser import HTMLParser
+
+    from surfel.viewer.probe import probe
+
+    found = {}
+    parser = HTMLParser()
+    parser.handle_starttag = lambda tag, known: found.update({tag: dict(known)})
+    parser.feed(probe("draw on the server"))
+    assert set(found) == {"img"} and found["img"]["src"].startswith("data:")
+    assert "innerText.trim() === 'draw on the server'" in found["img"]["onload"]
+    assert "label && document" in found["img"]["onload"] and "one => one" in found["img"]["onload"]
+
+
+def test_disks_are_hidden_from_single_clients_also_those_that_come_later():
+    """Whoever gets pictures sees no disks; whoever does not still does."""
+    from unittest.mock import MagicMock
+
+    page, elements = a_page()
+    client = MagicMock(client_id=7, scene=Scene())
+    page.hide_from(client, True)
+    page.add_part(1, elements, Frame.of(BOX), np.zeros(3), lambda *moved: None)
+    veiled = client.scene.nodes
+    assert set(veiled) == {"/exact", "/parts/0/drawn", "/parts/1/drawn"}
+    assert not any(veil.visible for veil in veiled.values())
+    assert all(node.visible for node in page.server.scene.nodes.values())
+    page.hide_from(client, False)
+    assert not veiled
+
+
+def test_large_results_are_thinned_but_not_at_the_cut():
+    from surfel.viewer.elements import Elements, thinned
+
+    rng = np.random.default_rng(0)
+    whole = Elements(rng.random((1000, 3)), np.zeros((1000, 3)), np.ones(1000), None)
+    precious = np.arange(1000) % 10 == 0
+    some, rows = thinned(whole, precious, 400)
+    assert 300 < len(some.points) <= 400
+    assert np.isin(np.flatnonzero(precious), rows).all()
+    assert (some.radii[precious[rows]] == 1.0).all()
+    assert some.radii[~precious[rows]] == pytest.approx(np.sqrt(3.0))
+    assert np.array_equal(some.points, whole.points[rows])
+    assert thinned(whole, precious, 1000)[0] is whole
+
+
+def test_what_does_not_move_stays_the_same_object():
+    """What was learnt of a solid, its index or its disks, is kept while others move and cameras turn."""
+    stage = Stage([ball(), surfel.Sphere(1)])
+    stage.move(0, shifted(1, 0, 0))
+    tree, cloud = stage.tree(), stage.parts[0].moved
+    assert stage.tree() is tree
+    stage.move(1, shifted(0, 1, 0))
+    assert stage.tree() is not tree and stage.parts[0].moved is cloud
+    tree = stage.tree()
+    stage.switch(0, "difference")
+    assert stage.tree() is not tree and stage.tree().operation == "difference"
+
+
+def test_a_hand_is_followed_while_the_last_rest_is_settled():
+    gate, entered, followed = threading.Event(), threading.Event(), threading.Event()
+    seen = []
+
+    def settle(stale):
+        entered.set()
+        gate.wait(10.0)
+        seen.append(stale())
+
+    def follow():
+        if entered.is_set():
+            followed.set()
+
+    worker = Worker(follow, settle, lambda error: None)
+    worker.start()
+    worker.rest()
+    assert entered.wait(10.0)
+    worker.moved()
+    assert followed.wait(10.0)  # though settle has not come back
+    worker.rest()
+    gate.set()
+    assert worker.wait(10.0)
+    assert seen == [True, False]
+    worker.end()

@@ -28,27 +28,44 @@ FILE = "part.ply"
 
 
 def demo(
-    folder: Annotated[str, typer.Argument(metavar="DIR", help="Where the cloud is written.")] = "surfel-demo",
+    folder: Annotated[str, typer.Argument(metavar="DIR", help="Where cloud and report are written.")] = "surfel-demo",
     seed: Seed = 0,
+    report: Annotated[
+        bool, typer.Option("--report/--no-report", help="Draw it, cut it, lay a surface over it: one HTML page.")
+    ] = True,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Sample a part of known area and volume, write the cloud, measure it, and compare with the truth."""
+    """Sample a part of known area and volume, write the cloud, measure it, compare with the truth, and show it all."""
     import surfel
-    from surfel.cli.output import Output
+    from surfel.cli.output import Output, shown
     from surfel.cli.part import BoredBlock
+    from surfel.cli.report import REPORT, refuse_foreign, write_report
 
     seed = as_seed(seed)
-    part = BoredBlock()
+    part, place = BoredBlock(), Path(folder)
     with Output(as_json, quiet, measures=True) as output:
-        path = _write_once(surfel.Surfels(*part.sample(POINTS, seed)), Path(folder))
+        if report:
+            refuse_foreign(place)
+        path = _write_once(surfel.Surfels(*part.sample(POINTS, seed)), place)
         with output.work() as progress:
-            result = surfel.measure(surfel.read(path), seed=seed, progress=progress)
+            scan = surfel.read(path)
+            result = surfel.measure(scan, seed=seed, progress=progress)
         told = result.to_dict()
-        data = {"file": str(path), "points": told["points"], "area": told["area"], "volume": told["volume"]}
-        data |= {"truth": {"area": part.area, "volume": part.volume}}
+        data = {"file": str(path), "report": str(place / REPORT) if report else None, "points": told["points"]}
+        data |= {"area": told["area"], "volume": told["volume"], "truth": {"area": part.area, "volume": part.volume}}
         data |= {"seconds": told["seconds"], "warnings": told["warnings"]}
-        output.result(data, lambda: _comparison(result, part, path))
+        if not as_json:
+            output.result(data, lambda: _comparison(result, part, path))
+        if report:
+            output.note("drawing the report; the first time some more kernels are compiled")
+            with output.work() as progress:
+                assert isinstance(scan, surfel.Surfels)  # it was written as one
+                write_report(place, scan, result, part, seed, progress)
+        if as_json:
+            output.result(data, lambda: _comparison(result, part, path))
+        elif report:
+            typer.echo(f"\nReport, for the browser: {shown(place / REPORT)}")
 
 
 def _comparison(result: Measurement, part: BoredBlock, path: Path) -> RenderableType:

@@ -21,6 +21,10 @@ def view(
     ] = None,
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="Which address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(metavar="P", help="Where; the next free port where that one is taken.")] = 8080,
+    draw: Annotated[
+        str, typer.Option(metavar="auto|browser|server", help="Who draws; auto spares browsers without graphics cards.")
+    ] = "auto",
+    up: Annotated[str, typer.Option(metavar="x|y|z", help="Which axis points up.")] = "z",
     open_: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
     quiet: Quiet = False,
 ) -> None:
@@ -38,10 +42,10 @@ def view(
         if html is not None:
             from surfel.viewer.view import write_html
 
-            write_html(shapes, html, names=names)
+            write_html(shapes, html, names=names, up=up)
             output.note(f"wrote {html}")
             return
-        viewer = surfel.view(shapes, names=names, host=host, port=port, browser=open_)
+        viewer = surfel.view(shapes, names=names, host=host, port=port, draw=draw, up=up, browser=open_)
         typer.echo(viewer.url)
         output.note("Ctrl-C ends it")
     viewer.wait()

@@ -7,12 +7,13 @@ import numpy as np
 from surfel.booleans.sides import is_sheet
 from surfel.core.cast import Booleans, Floats
 from surfel.core.errors import InputError
+from surfel.inside.operand import Operand
 from surfel.rendering.bits import Beside, Bits, survival
 from surfel.shapes.base import Shape
 from surfel.shapes.surfels import Surfels
 from surfel.shapes.tree import Tree
 from surfel.viewer.elements import Elements
-from surfel.viewer.stage import Part, Stage
+from surfel.viewer.stage import Stage
 
 
 class Draft:
@@ -20,6 +21,7 @@ class Draft:
 
     def __init__(self) -> None:
         self._pairs: dict[tuple[int, int], tuple[bytes, Booleans]] = {}
+        self._queries: dict[int, tuple[Elements, Operand]] = {}
 
     def kept(self, stage: Stage, elements: list[Elements]) -> list[Booleans]:
         """Tell which disks the expression keeps, part by part."""
@@ -44,26 +46,36 @@ class Draft:
         pose = np.linalg.inv(other.pose) @ one.pose
         known = self._pairs.get((k, j))
         if known is None or known[0] != pose.tobytes() or len(known[1]) != len(mine.points):
-            known = (pose.tobytes(), _inside(one, mine, other, pose))
+            found = self._in_cloud if isinstance(other.shape, Surfels) else _in_solid
+            known = (pose.tobytes(), found(k, mine, other.shape, pose))
             self._pairs[k, j] = known
         return known[1]
 
-
-def _inside(one: Part, mine: Elements, other: Part, pose: Floats) -> Booleans:
-    solid = other.shape
-    if isinstance(solid, Surfels):
-        if not len(solid):
+    def _in_cloud(self, k: int, mine: Elements, cloud: Shape, pose: Floats) -> Booleans:
+        """Ask a cloud, by whole blocks of disks."""
+        assert isinstance(cloud, Surfels)
+        if not len(cloud) or not len(mine.points):
             return np.zeros(len(mine.points), np.bool_)
-        cloud = one.shape
-        if isinstance(cloud, Surfels) and cloud.clips is None and len(cloud) == len(mine.points):
-            return np.asarray(solid.classifier.classify(cloud.operand, pose=pose).inside)  # by blocks: faster
-        return np.asarray(solid.classifier.classify(mine.points, pose=pose).inside)
-    places = mine.points @ pose[:3, :3].T + pose[:3, 3]
+        query = self._queries.get(k)
+        if query is None or query[0] is not mine:
+            query = (mine, Operand.of(mine.points, mine.normals))
+            self._queries[k] = query
+        inside = np.empty(len(mine.points), np.bool_)
+        inside[query[1].order] = cloud.classifier.classify(query[1], pose=pose).inside
+        return inside
+
+
+def _in_solid(k: int, mine: Elements, solid: Shape, pose: Floats) -> Booleans:
+    """Ask a solid about the disks in its box, found axis by axis."""
+    found = np.zeros(len(mine.points), np.bool_)
     try:
         low, high = np.asarray(solid.bounds)
     except InputError:  # a mesh without triangles
-        return np.zeros(len(places), np.bool_)
-    found = np.zeros(len(places), np.bool_)
-    near = np.flatnonzero(((places >= low) & (places <= high)).all(axis=1))
-    found[near] = solid._contains(np.ascontiguousarray(places[near]))
+        return found
+    rows, here, there = np.arange(len(found)), np.ascontiguousarray(mine.points.T), np.empty((0, len(found)))
+    for axis in range(3):
+        place = pose[axis, 0] * here[0] + pose[axis, 1] * here[1] + pose[axis, 2] * here[2] + pose[axis, 3]
+        near = np.flatnonzero((place >= low[axis]) & (place <= high[axis]))
+        rows, here, there = rows[near], here[:, near], np.vstack([there, place])[:, near]
+    found[rows] = solid._contains(np.ascontiguousarray(there.T))
     return found

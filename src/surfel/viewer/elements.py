@@ -29,7 +29,7 @@ class Elements(NamedTuple):
     radii: Floats
     colors: NDArray[np.uint8] | None
 
-    def rows(self, chosen: NDArray[np.bool_] | slice) -> Elements:
+    def rows(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Elements:
         """Return some of them."""
         colors = None if self.colors is None else self.colors[chosen]
         return Elements(self.points[chosen], self.normals[chosen], self.radii[chosen], colors)
@@ -66,11 +66,22 @@ def _of_cloud(cloud: Surfels, most: int) -> Elements:
     if splats is None:
         return Elements(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), None)
     whole = Elements(splats.index.points + splats.index.origin, splats.normals, splats.radii, splats.colors)
-    step = -(-len(whole.points) // most)
-    if step == 1:
-        return whole
-    some = whole.rows(slice(None, None, step))
-    return some._replace(radii=some.radii * np.sqrt(step))
+    return thinned(whole, np.zeros(len(whole.points), np.bool_), most)[0]
+
+
+def thinned(whole: Elements, precious: NDArray[np.bool_], most: int) -> tuple[Elements, NDArray[np.intp]]:
+    """Return about ``most`` of the disks, and their rows: all that are precious, and every so many of the others.
+
+    What is left out is covered by larger disks.
+    """
+    others = np.flatnonzero(~precious)
+    room = max(1, most - (len(precious) - len(others)))
+    step = -(-len(others) // room)
+    if step <= 1:
+        return whole, np.arange(len(precious))
+    rows = np.sort(np.concatenate([np.flatnonzero(precious), others[::step]]))
+    some = whole.rows(rows)
+    return some._replace(radii=np.where(precious[rows], 1.0, np.sqrt(step)) * some.radii), rows
 
 
 def _in_box(shape: Shape, box: Floats) -> tuple[Floats, Floats]:

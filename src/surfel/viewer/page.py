@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -18,7 +19,8 @@ from surfel.viewer.frame import Frame, upright
 
 _CORNERS = 8
 _GIZMO = 0.45  # of the browser's units, at least
-_LIGHT = (245, 245, 242)
+SEEN_FROM = {"z": (2.1, -2.8, 1.6), "y": (2.1, 1.6, 2.8), "x": (1.6, 2.1, -2.8)}
+"""Where cameras are at first, by the axis that is up."""
 
 
 def start_server(host: str, port: int) -> Any:
@@ -37,23 +39,31 @@ def start_server(host: str, port: int) -> Any:
         raise InputError(f"cannot listen on {host}:{port}: {error.strerror or error}; choose another port") from error
 
 
+def stop_server(server: Any) -> None:
+    """Stop listening, without the farewell on the standard output."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server.stop()
+
+
 class Page:
     """What every client sees: the disks of each part under a control, and the exact result."""
 
-    def __init__(self, server: Any) -> None:
+    def __init__(self, server: Any, up: str = "z") -> None:
         self.server = server
         self._controls: list[Any] = []
         self._disks: list[Any] = []
         self._scales: list[NDArray[np.float32]] = []
         self._result: Any = None
         self._surface: Any = None
-        self._drawn = True
-        self._exact = False
+        self._groups: list[str] = []
+        self._hidden: dict[int, tuple[Any, list[Any]]] = {}
+        self._lock = threading.Lock()
         server.gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
-        server.scene.set_up_direction("+z")
-        server.initial_camera.position = (2.1, -2.8, 1.6)
+        server.scene.set_up_direction(f"+{up}")
+        server.initial_camera.position = SEEN_FROM[up]
         server.initial_camera.look_at = (0.0, 0.0, 0.0)
         server.scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255), ground_color=(150, 140, 130))
+        self._add_group("/exact")
 
     def add_part(
         self, number: int, elements: Elements, frame: Frame, pivot: Floats, moved: Callable[[Floats, Floats, str], None]
@@ -65,10 +75,11 @@ class Page:
             f"/parts/{number}", scale=max(_GIZMO, 0.6 * span), depth_test=False, opacity=0.7, line_width=2.0
         )
         control.position = (pivot - frame.middle) * frame.unit
+        self._add_group(f"/parts/{number}/drawn")
         corners, faces = _disk()
         scales = (elements.radii * frame.unit).astype(np.float32)
         disks = scene.add_batched_meshes_simple(
-            f"/parts/{number}/disks",
+            f"/parts/{number}/drawn/disks",
             corners,
             faces,
             batched_wxyzs=upright(elements.normals),
@@ -91,10 +102,10 @@ class Page:
         with self.server.atomic():
             for disks, scales, keeps in zip(self._disks, self._scales, kept, strict=True):
                 disks.batched_scales = np.where(keeps, scales, np.float32(0.0))
-                disks.visible = self._drawn
-            self._exact = False
+                disks.visible = True
             if self._result is not None:
                 self._result.visible = False
+        self.server.flush()  # a hand is waiting: nothing is held back for more to come
 
     def show_result(self, elements: Elements, leaves: NDArray[np.int64], frame: Frame) -> None:
         """Show the exact result in place of the parts."""
@@ -102,7 +113,7 @@ class Page:
         palette = np.array([leaf_color(k) for k in range(len(self._disks))], np.uint8).reshape(-1, 3)
         with self.server.atomic():
             self._result = self.server.scene.add_batched_meshes_simple(
-                "/result",
+                "/exact/result",
                 corners,
                 faces,
                 batched_wxyzs=upright(elements.normals),
@@ -113,9 +124,7 @@ class Page:
                 lod="off",
                 cast_shadow=False,
                 receive_shadow=False,
-                visible=self._drawn,
             )
-            self._exact = True
             for disks in self._disks:
                 disks.visible = False
 
@@ -137,15 +146,34 @@ class Page:
     def show_picture(self, client: Any, picture: NDArray[np.uint8] | None) -> None:
         """Show a client a picture behind everything, or none."""
         client.scene.set_background_image(picture, format="jpeg", jpeg_quality=85)
+        client.flush()
 
-    def show_everything(self, visible: bool) -> None:
-        """Show or hide all that browsers draw themselves, controls excepted."""
-        self._drawn = visible
-        with self.server.atomic():
-            for disks in self._disks:
-                disks.visible = visible and not self._exact
-            if self._result is not None:
-                self._result.visible = visible and self._exact
+    def hide_from(self, client: Any, hidden: bool) -> None:
+        """Hide from one client what browsers draw themselves, controls excepted, or show it again."""
+        with self._lock:
+            _, veils = self._hidden.pop(client.client_id, (client, []))
+            for veil in veils:
+                veil.remove()
+            if hidden:
+                self._hidden[client.client_id] = (client, [_veil(client, name) for name in self._groups])
+
+    def forget(self, client: Any) -> None:
+        """Drop what was kept for a client that left."""
+        with self._lock:
+            self._hidden.pop(client.client_id, None)
+
+    def _add_group(self, name: str) -> None:
+        """Add a node for what can be hidden from single clients."""
+        with self._lock:
+            self.server.scene.add_frame(name, show_axes=False)
+            self._groups.append(name)
+            for client, veils in self._hidden.values():
+                veils.append(_veil(client, name))
+
+
+def _veil(client: Any, name: str) -> Any:
+    """Put an invisible node over one of that name, for one client; all below it is gone there."""
+    return client.scene.add_frame(name, show_axes=False, visible=False)
 
 
 def _disk() -> tuple[Floats, NDArray[np.int32]]:

@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from surfel.core.errors import SurfelError
+from surfel.viewer.probe import probe
 from surfel.viewer.stage import OPERATIONS, Join
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from surfel.viewer.viewer import Viewer
 
 _BUSY = "*measuring ...*"
+_DRAWN = "draw on the server"
 
 
 class Panel:
@@ -46,15 +48,19 @@ class Panel:
             self._on_change(gui.add_dropdown("mode", ("fast", "tight", "paper")), lambda value: viewer.set(mode=value))
         with gui.add_folder("Files"):
             self._add_files(gui)
-        drawn = gui.add_checkbox("draw on the server", False, hint="For browsers without a graphics card")
-        drawn.on_update(lambda event: self._for_client(event, viewer.draw_on_server, bool(drawn.value)))
+        server.on_client_connect(self._greet)
 
-    def add_part(self, number: int) -> None:
-        """Add the controls of a part."""
+    def add_part(self, number: int, shown: int, whole: int) -> None:
+        """Add the controls of a part, and say how much of it is shown."""
         part = self._viewer.stage.parts[number]
         with self._solids:
             back = self._server.gui.add_button(f"put {part.name} back", color="gray")
         back.on_click(lambda _: self._viewer.reset(number))
+        if shown < whole:
+            with self._solids:
+                self._server.gui.add_markdown(
+                    f"*{shown:,} of the {whole:,} surfels of {part.name} are shown; all are measured and saved*"
+                )
 
     def show_joins(self) -> None:
         """Show a choice for every node of the expression."""
@@ -89,6 +95,16 @@ class Panel:
             one.add_notification(title, text, color="red", auto_close_seconds=None)
         if client is None:
             self._numbers.content = f"**{title}:** {text}"
+
+    def _greet(self, client: Any) -> None:
+        """Let each client choose who draws for it; a page without a graphics card chooses by itself, unless told."""
+        always = self._viewer.draw == "server"
+        drawn = client.gui.add_checkbox(_DRAWN, always, hint="Finished pictures, for browsers without a graphics card")
+        drawn.on_update(lambda event: self._for_client(event, self._viewer.draw_on_server, bool(drawn.value)))
+        if always:
+            self._viewer.draw_on_server(client, True)
+        elif self._viewer.draw == "auto":
+            client.gui.add_html(probe(_DRAWN))
 
     def _add_files(self, gui: Any) -> None:
         upload = gui.add_upload_button("load a file")

@@ -27,11 +27,16 @@ class Part:
     name: str
     shape: Shape
     pose: Floats = field(default_factory=lambda: np.eye(4))
+    _moved: tuple[Floats, Shape] | None = field(default=None, init=False, repr=False)
 
     @property
     def moved(self) -> Shape:
-        """The shape where it is now."""
-        return self.shape if np.array_equal(self.pose, np.eye(4)) else self.shape.transformed(self.pose)
+        """The shape where it is now; the same object until it is moved again, so that what was learnt of it is kept."""
+        if np.array_equal(self.pose, np.eye(4)):
+            return self.shape
+        if self._moved is None or self._moved[0] is not self.pose:
+            self._moved = (self.pose, self.shape.transformed(self.pose))
+        return self._moved[1]
 
 
 @dataclass(eq=False)
@@ -67,6 +72,7 @@ class Stage:
         self.parts: list[Part] = []
         self.root: Part | Join | None = None
         self._known: dict[int, Part] = {}
+        self._tree: tuple[tuple[object, ...], Shape] | None = None
         given = iter(names)
         for shape in as_shapes(shapes):
             self.add(shape, given)
@@ -99,8 +105,12 @@ class Stage:
         self.parts[number].pose = read_only(as_affine(pose).copy())
 
     def tree(self) -> Shape:
-        """Return the expression as it stands, every part where it is now."""
-        return self._built({id(part): part.moved for part in self.parts})
+        """Return the expression as it stands, every part where it is now; the same object until something changes."""
+        moved = {id(part): part.moved for part in self.parts}
+        state = (*map(id, moved.values()), *(join.operation for join in self.joins))
+        if self._tree is None or self._tree[0] != state:
+            self._tree = (state, self._built(moved))
+        return self._tree[1]
 
     def bare(self) -> Shape:
         """Return the expression over the parts as they came: its logic, whatever was moved."""

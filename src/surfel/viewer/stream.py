@@ -20,21 +20,28 @@ from surfel.viewer.page import Page
 _MOST = 1_000_000
 """Pixels of a picture."""
 
+_ROUGH = 200_000
+"""Pixels of one while things move."""
+
+_REST = 0.4
+"""Seconds without news after which a picture is drawn with all its pixels."""
+
 
 class Stream:
-    """Draws for each client that wants it what its camera sees, as often as it can."""
+    """Draws for each client that wants it what its camera sees, as often as it can: roughly first, and then in full."""
 
     def __init__(self, page: Page, frame: Frame, tree: Callable[[], Shape]) -> None:
         self._page, self._frame, self._tree = page, frame, tree
         self._wanted: dict[int, Any] = {}
         self._news = threading.Condition()
         self._dirty: set[int] = set()
+        self._rough: set[int] = set()
         self._ended = False
         self._thread = threading.Thread(target=self._run, name="surfel-stream", daemon=True)
         self._thread.start()
 
     def choose(self, client: Any, wanted: bool) -> None:
-        """Begin or end to send pictures to a client."""
+        """Begin or end to send pictures to a client, in place of what it would draw itself."""
         with self._news:
             known = client.client_id in self._wanted
             if wanted and not known:
@@ -44,19 +51,21 @@ class Stream:
                 self._dirty.add(client.client_id)
             else:
                 self._wanted.pop(client.client_id, None)
-            others = bool(self._wanted)
             self._news.notify_all()
-        self._page.show_everything(not others)
+        self._page.hide_from(client, wanted)
         if not wanted:
             self._page.show_picture(client, None)
 
     def forget(self, client: Any) -> None:
         """Drop a client that left."""
         with self._news:
-            was = self._wanted.pop(client.client_id, None)
-            others = bool(self._wanted)
-        if was is not None:
-            self._page.show_everything(not others)
+            self._wanted.pop(client.client_id, None)
+        self._page.forget(client)
+
+    def serves_all(self, clients: int) -> bool:
+        """Tell whether all of so many clients get pictures, so that nobody would see disks."""
+        with self._news:
+            return 0 < clients <= len(self._wanted)
 
     def changed(self) -> None:
         """Say that what is to be seen has changed."""
@@ -97,13 +106,19 @@ class Stream:
     def _run(self) -> None:
         while True:
             with self._news:
-                self._news.wait_for(lambda: self._ended or bool(self._dirty))
+                self._news.wait_for(lambda: self._ended or bool(self._dirty), _REST if self._rough else None)
                 if self._ended:
                     return
-                clients = [self._wanted[k] for k in self._dirty if k in self._wanted]
-                self._dirty.clear()
+                rough = bool(self._dirty)
+                asking = self._dirty if rough else self._rough
+                clients = [self._wanted[k] for k in asking if k in self._wanted]
+                self._rough = self._rough | asking if rough else set()
+                self._dirty = set()
             for client in clients:
-                try:
-                    self._page.show_picture(client, np.asarray(self.picture(client)))
-                except (SurfelError, OSError):  # what cannot be drawn is told by the panel; a client may have left
-                    time.sleep(0.1)
+                self._draw(client, _ROUGH if rough else _MOST)
+
+    def _draw(self, client: Any, most: int) -> None:
+        try:
+            self._page.show_picture(client, np.asarray(self.picture(client, most)))
+        except (SurfelError, OSError):  # what cannot be drawn is told by the panel; a client may have left
+            time.sleep(0.1)

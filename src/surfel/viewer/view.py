@@ -12,7 +12,14 @@ from surfel.viewer.viewer import Viewer
 
 
 def view(
-    shapes: Any, *, names: Sequence[str] = (), host: str = "127.0.0.1", port: int = 8080, browser: bool = False
+    shapes: Any,
+    *,
+    names: Sequence[str] = (),
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    draw: str = "auto",
+    up: str = "z",
+    browser: bool = False,
 ) -> Viewer:
     """Show shapes on a page in the browser, where they can be moved.
 
@@ -30,6 +37,11 @@ def view(
         Which address to listen on. Whoever can reach it can use the page; by default this computer alone.
     port : int
         Where; the next free port where that one is taken.
+    draw : {"auto", "browser", "server"}
+        Who draws the solids. By default every browser draws its own, but one without a graphics card gets finished
+        pictures; there is a box on the page to change that.
+    up : {"z", "y", "x"}
+        Which axis points up.
     browser : bool
         Open the page in the browser.
 
@@ -42,7 +54,7 @@ def view(
     Raises
     ------
     InputError
-        If something is no shape, or nobody can listen there.
+        If something is no shape, nobody can listen there, or an argument is none of those named.
     MissingExtraError
         If viser is not installed: ``pip install "surfel[view]"``.
 
@@ -52,7 +64,7 @@ def view(
     >>> with surfel.view(surfel.Box(2) - surfel.Sphere(1.2)) as viewer:  # doctest: +SKIP
     ...     viewer.wait()
     """
-    viewer = Viewer(Stage(shapes, names), host, as_count(port, "port", 0, 65535))
+    viewer = Viewer(Stage(shapes, names), host, as_count(port, "port", 0, 65535), draw, up)
     if browser:
         import webbrowser
 
@@ -60,7 +72,7 @@ def view(
     return viewer
 
 
-def write_html(shapes: Any, path: str | PathLike[str], *, names: Sequence[str] = ()) -> None:
+def write_html(shapes: Any, path: str | PathLike[str], *, names: Sequence[str] = (), up: str = "z") -> None:
     """Write shapes as one HTML page that needs neither a server nor a network; it can be turned, not changed.
 
     Parameters
@@ -69,6 +81,8 @@ def write_html(shapes: Any, path: str | PathLike[str], *, names: Sequence[str] =
         As of :func:`view`.
     path : path
         The file to write; replaced as a whole.
+    names, up
+        As of :func:`view`.
 
     Raises
     ------
@@ -79,7 +93,7 @@ def write_html(shapes: Any, path: str | PathLike[str], *, names: Sequence[str] =
     """
     from surfel.io.atomic import replacing
 
-    viewer = Viewer(Stage(shapes, names), "127.0.0.1", 0)
+    viewer = Viewer(Stage(shapes, names), "127.0.0.1", 0, up=up)
     try:
         text = viewer.html()
     finally:

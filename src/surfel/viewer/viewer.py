@@ -12,16 +12,17 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from surfel.core.cast import Floats
+from surfel.core.cast import Floats, as_choice
 from surfel.core.errors import InputError, SurfelError
 from surfel.shapes.base import Shape
+from surfel.shapes.surfels import Surfels
 from surfel.shapes.tree import Tree
 from surfel.viewer.draft import Draft
-from surfel.viewer.elements import MOST, Elements, elements_of
+from surfel.viewer.elements import Elements, elements_of
 from surfel.viewer.frame import Frame
-from surfel.viewer.page import Page, start_server
+from surfel.viewer.outcome import outcome_of
+from surfel.viewer.page import SEEN_FROM, Page, start_server, stop_server
 from surfel.viewer.panel import Panel
 from surfel.viewer.script import script_of
 from surfel.viewer.stage import Stage
@@ -29,7 +30,8 @@ from surfel.viewer.stream import Stream
 from surfel.viewer.surface import Lid, lid_of
 from surfel.viewer.worker import Stale, Worker
 
-_COVER = 1.5  # of a surfel's own radius, by which it stands for its cell: disks must overlap to leave no gaps
+DRAWING = ("auto", "browser", "server")
+"""Who may draw: browsers, but for those without a graphics card; always the browser; always the server."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +67,14 @@ class Viewer:
     ----------
     url : str
         Where the page is.
+    draw : str
+        Who draws; one of :data:`DRAWING`.
     """
 
-    def __init__(self, stage: Stage, host: str, port: int) -> None:
+    def __init__(self, stage: Stage, host: str, port: int, draw: str = "auto", up: str = "z") -> None:
         self._stage = stage
+        self.draw = as_choice(draw, "draw", DRAWING)
+        as_choice(up, "up", tuple(SEEN_FROM))
         self._server = start_server(host, port)
         self.url = f"http://{self._server.get_host()}:{self._server.get_port()}"
         self._lock = threading.RLock()
@@ -77,7 +83,7 @@ class Viewer:
         self._pivots: list[Floats] = []
         self._draft = Draft()
         self._frame = Frame.of(scene_box(stage))
-        self._page = Page(self._server)
+        self._page = Page(self._server, up)
         self._panel = Panel(self._server, self)
         self._stream = Stream(self._page, self._frame, self.tree)
         self._worker = Worker(self._follow, self._settle, self._failed)
@@ -106,7 +112,7 @@ class Viewer:
         """Stop serving the page."""
         self._stream.end()
         self._worker.end()
-        self._server.stop()
+        stop_server(self._server)
 
     def wait(self) -> None:
         """Serve the page until interrupted."""
@@ -204,8 +210,8 @@ class Viewer:
     def _follow(self) -> None:
         with self._lock:
             self._add_parts()
-            kept = self._draft.kept(self._stage, self._elements)
-        self._page.show_parts(kept)
+            if not self._stream.serves_all(len(self._server.get_clients())):
+                self._page.show_parts(self._draft.kept(self._stage, self._elements))
         self._stream.changed()
 
     def _settle(self, stale: Stale) -> None:
@@ -213,11 +219,11 @@ class Viewer:
             tree, settings = self._stage.tree(), self._settings
         self._panel.busy()
         if isinstance(tree, Tree):
-            shown = _result(tree, settings.level)
-            if stale():
-                return
-            if shown is not None:
-                self._page.show_result(*shown, self._frame)
+            disks, leaves = outcome_of(tree, settings.level)
+            with self._lock:  # a hand that takes hold now waits, and hides the result again
+                if stale():
+                    return
+                self._page.show_result(disks, leaves, self._frame)
         lid = lid_of(tree, settings) if settings.lid else Lid(None, None, "")
         if stale():
             return
@@ -242,7 +248,8 @@ class Viewer:
             self._elements.append(elements)
             self._pivots.append(pivot)
             self._page.add_part(number, elements, self._frame, pivot, self._mover(number))
-            self._panel.add_part(number)
+            whole = len(part.shape) if isinstance(part.shape, Surfels) else len(elements.points)
+            self._panel.add_part(number, len(elements.points), whole)
         self._panel.show_joins()
 
     def _mover(self, number: int) -> Any:
@@ -268,16 +275,3 @@ def scene_box(stage: Stage) -> Floats:
     if not boxes:
         return np.array([[-1.0] * 3, [1.0] * 3])
     return np.stack([np.min(boxes, axis=0)[0], np.max(boxes, axis=0)[1]])
-
-
-def _result(tree: Tree, level: int) -> tuple[Elements, NDArray[np.int64]] | None:
-    """Return the disks of the exact result and their leaves; None where it has more than a browser can take."""
-    from surfel.booleans.combine import combine
-
-    surfels = combine(tree, cut="split", level=level).surfels
-    if len(surfels) > 2 * MOST:
-        return None
-    normals = np.zeros((len(surfels), 3)) if surfels.normals is None else surfels.normals
-    radii = np.zeros(len(surfels)) if surfels.radii is None else _COVER * surfels.radii
-    colors = None if surfels.colors is None else np.asarray(surfels.colors)[:, :3].astype(np.uint8)
-    return Elements(surfels.points, normals, radii, colors), np.asarray(surfels.attributes["leaf"], np.int64)

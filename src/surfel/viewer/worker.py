@@ -1,4 +1,4 @@
-"""Worker: one thread that follows a hand, and finishes the job when the hand rests."""
+"""Worker: one thread follows a hand, another finishes the job when the hand rests; neither waits for the other."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ Stale = Callable[[], bool]
 class Worker:
     """Calls ``follow`` as often as it can while things move, and ``settle`` once they rest.
 
-    Moves that come in the meantime are taken together: only the last counts.
+    Moves that come in the meantime are taken together: only the last counts. A hand that takes hold again while the
+    last rest is still being settled is followed all the same.
 
     Parameters
     ----------
@@ -35,25 +36,23 @@ class Worker:
         self._moves = self._followed = self._settled = 0
         self._resting = False
         self._ended = False
-        self._thread = threading.Thread(target=self._run, name="surfel-viewer", daemon=True)
+        self._threads = [
+            threading.Thread(target=job, name=f"surfel-viewer-{name}", daemon=True)
+            for name, job in (("follow", self._run_after), ("settle", self._run_at_rest))
+        ]
 
     def start(self) -> None:
         """Begin; what was asked for before is done now."""
-        self._thread.start()
+        for thread in self._threads:
+            thread.start()
 
     def moved(self) -> None:
         """Say that something moves."""
-        with self._news:
-            self._moves += 1
-            self._resting = False
-            self._news.notify_all()
+        self._note(resting=False)
 
     def rest(self) -> None:
         """Say that the hand let go, or that something changed for good."""
-        with self._news:
-            self._moves += 1
-            self._resting = True
-            self._news.notify_all()
+        self._note(resting=True)
 
     def wait(self, seconds: float) -> bool:
         """Wait until nothing is left to do; False where that takes too long."""
@@ -65,37 +64,50 @@ class Worker:
         with self._news:
             self._ended = True
             self._news.notify_all()
-        if self._thread.is_alive() and self._thread is not threading.current_thread():
-            self._thread.join()
+        for thread in self._threads:
+            if thread.is_alive() and thread is not threading.current_thread():
+                thread.join()
 
-    def _run(self) -> None:
+    def _note(self, resting: bool) -> None:
+        with self._news:
+            self._moves += 1
+            self._resting = resting
+            self._news.notify_all()
+
+    def _run_after(self) -> None:
+        """Follow, move by move."""
         while True:
             with self._news:
-                self._news.wait_for(lambda: self._ended or self._settled != self._moves)
+                self._news.wait_for(lambda: self._ended or self._followed != self._moves)
                 number = self._moves
             if self._ended:
                 return
-            self._serve(number)
-
-    def _serve(self, number: int) -> None:
-        """Do what the move of that number asks for, unless another one comes."""
-
-        def stale() -> bool:
-            return self._ended or self._moves != number
-
-        if self._followed != number:
             self._guarded(self._follow)
-            self._followed = number
-        with self._news:
-            if not self._resting:
-                self._news.wait_for(lambda: self._resting or stale(), _REST)
-        if stale():
-            return
-        self._guarded(lambda: self._settle(stale))
-        with self._news:
-            if not stale():
-                self._settled = number
+            with self._news:
+                self._followed = number
                 self._news.notify_all()
+
+    def _run_at_rest(self) -> None:
+        """Settle what was followed, once nothing has moved for a while or the hand let go."""
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._ended or self._settled != self._moves == self._followed)
+                number = self._moves
+
+                def stale(number: int = number) -> bool:
+                    return self._ended or self._moves != number
+
+                if not self._resting:
+                    self._news.wait_for(lambda: self._resting or stale(), _REST)
+                if self._ended:
+                    return
+                if stale():
+                    continue
+            self._guarded(lambda: self._settle(stale))
+            with self._news:
+                if not stale():
+                    self._settled = number
+                    self._news.notify_all()
 
     def _guarded(self, job: Callable[[], None]) -> None:
         try:
