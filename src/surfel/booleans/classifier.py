@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -124,6 +126,27 @@ class Classifier:
             If a row does not exist or is named twice, or a shape does not fit.
         """
         return Classifier._of(self._inner.edited(rows, points, normals))
+
+    def plot(self, axis: str = "y", at: float | None = None) -> Any:
+        """Return a figure of matplotlib (extra ``plot``): a slice of space in cells, outside, inside and border.
+
+        Parameters
+        ----------
+        axis : {"x", "y", "z"}
+            What the slice is across.
+        at : float, optional
+            Where it is; by default in the middle of the points.
+
+        Raises
+        ------
+        InputError
+            If there is no such axis, or the slice lies beyond the cells.
+        MissingExtraError
+            If matplotlib is not installed.
+        """
+        from surfel.booleans.figures import plot_space
+
+        return plot_space(self._inner, axis, at)
 
 
 def _as_given(found: Classes, operand: Operand) -> Classes:

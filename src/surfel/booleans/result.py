@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 from surfel.core.cast import Floats
 from surfel.shapes.surfels import Surfels
@@ -56,6 +57,18 @@ class Combination:
         One that is closed repeats its first point. Found on first use.
         """
         return self._trace()
+
+    def plot(self) -> Any:
+        """Return a figure of matplotlib (extra ``plot``): the surfels, and the curve along which the operands meet.
+
+        Raises
+        ------
+        MissingExtraError
+            If matplotlib is not installed.
+        """
+        from surfel.booleans.figures import plot_combination
+
+        return plot_combination(self)
 
     def to_dict(self) -> dict[str, object]:
         """Return what is not an array, for JSON."""

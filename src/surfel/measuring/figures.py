@@ -1,8 +1,9 @@
-"""Figures of a measurement: its intervals, drawn by matplotlib (extra ``plot``)."""
+"""Figures of a measurement: how it converges, and its intervals, drawn by matplotlib (extra ``plot``)."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from surfel.core.figure import new_figure
@@ -31,8 +32,40 @@ def draw_intervals(axes: Any, result: Measurement, units: str) -> None:
     axes.set_title("95 % intervals" if drawn else "no interval is known", fontsize=9)
 
 
+def draw_convergence(axes: Any, name: str, results: Sequence[Measurement], unit: str) -> None:
+    """Draw one of the scalars over the number of lines: its 95 % interval as a band, and the last value as a line."""
+    told = [(result.lines, getattr(result, name)) for result in results]
+    lines = [count for count, estimate in told if estimate is not None]
+    estimates = [estimate for _, estimate in told if estimate is not None]
+    values = [float(estimate.value) for estimate in estimates]
+    bands = [estimate.interval(0.95) for estimate in estimates]
+    known = [all(math.isfinite(float(end)) for end in band) for band in bands]
+    low = [float(band[0]) if good else value for band, good, value in zip(bands, known, values, strict=True)]
+    high = [float(band[1]) if good else value for band, good, value in zip(bands, known, values, strict=True)]
+    axes.fill_between(lines, low, high, color="0.85", linewidth=0.0)
+    axes.axhline(values[-1], color="0.6", linewidth=0.8)
+    axes.plot(lines, values, "o-", color="0.2", markersize=3, linewidth=1.0)
+    axes.set_xscale("log", base=2)
+    axes.tick_params(labelsize=8)
+    axes.ticklabel_format(axis="y", useOffset=False)
+    axes.set_xlabel("lines", fontsize=8)
+    note = "" if len(set(values)) > 1 else " (from the points, whatever the lines)"
+    axes.set_title(f"{name} {estimates[-1]}{unit}{note}", fontsize=9, parse_math=False)
+
+
 def plot_measurement(result: Measurement, units: str) -> Any:
     """Return the figure of :meth:`Measurement.plot`."""
-    figure = new_figure(5.0, 2.6)
-    draw_intervals(figure.subplots(), result, units)
+    results = () if result._again is None else result.convergence()
+    drawn = [
+        (name, f" {units}^{power}" if units else "")
+        for name, power in (("area", 2), ("volume", 3))
+        if getattr(result, name) is not None and math.isfinite(float(getattr(result, name).value))
+    ]
+    if len(results) < 2 or not drawn:
+        figure = new_figure(5.0, 2.6)
+        draw_intervals(figure.subplots(), result, units)
+        return figure
+    figure = new_figure(4.6 * len(drawn), 3.2)
+    for axes, (name, unit) in zip(figure.subplots(1, len(drawn), squeeze=False)[0], drawn, strict=True):
+        draw_convergence(axes, name, results, unit)
     return figure

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -165,7 +166,15 @@ def measure(
         raise InputError(f"shape must be a surfel shape (a cloud, a mesh, a solid, a tree); got {type(shape).__name__}")
     compiling = compile_seconds() - compiled
     seconds = time.perf_counter() - started - compiling
-    return replace(result, seed=number, seconds=seconds, compile_seconds=compiling)
+    again = partial(
+        _with_lines, shape, method=method, seed=number, model=model, sequence=sequence, reference=reference,
+        radius_factor=radius_factor, depth=depth, cells=cells, density=density, denoise=denoise,
+    )  # fmt: skip
+    return replace(result, seed=number, seconds=seconds, compile_seconds=compiling, _again=again)
+
+
+def _with_lines(shape: Shape, lines: int, **named: Any) -> Measurement:
+    return measure(shape, lines=lines, **named)
 
 
 def _body(shape: Shape, model: str, reference: str, lines: int) -> Ball | OrientedBox | EnclosingCylinder:

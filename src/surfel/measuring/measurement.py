@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from surfel.core.cast import as_count
+from surfel.core.errors import InputError
 from surfel.core.estimate import Estimate
+
+_FEWEST = 512  # lines that a picture of convergence begins with
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +76,31 @@ class Measurement:
     seconds: float = 0.0
     compile_seconds: float = 0.0
     warnings: tuple[str, ...] = ()
+    _again: Callable[[int], Measurement] | None = field(default=None, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_again": None}  # the shape does not travel with its measures
+
+    def convergence(self, steps: int = 6) -> tuple[Measurement, ...]:
+        """Measure again with a half, a quarter, ... of the lines, and return all results, the fewest lines first.
+
+        Together they cost as much as the measurement did.
+
+        Parameters
+        ----------
+        steps : int
+            How many results to return at most, this one included.
+
+        Raises
+        ------
+        InputError
+            If ``steps`` is no count, or the measurement was read from a file or came from another process.
+        """
+        number = as_count(steps, "steps")
+        if self._again is None:
+            raise InputError("the shape is not known any more; call surfel.measure on it again, here")
+        fewer = [self.lines >> k for k in range(1, number) if self.lines >> k >= _FEWEST]
+        return (*(self._again(lines) for lines in reversed(fewer)), self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain Python objects, ready for JSON; what is not known or not finite is None."""
@@ -104,7 +133,10 @@ class Measurement:
         }
 
     def plot(self, units: str = "") -> Any:
-        """Return a figure of matplotlib (extra ``plot``) with the 95 % intervals of the scalars.
+        """Return a figure of matplotlib (extra ``plot``): how area and volume converge, with their 95 % intervals.
+
+        For that the shape is measured again with fewer lines (:meth:`convergence`). Where that cannot be done, as after
+        a journey from another process, the intervals are drawn alone.
 
         Parameters
         ----------

@@ -177,6 +177,14 @@ class CloudColumns:
         cells += [("known", ", ".join([*known, *self._attributes]) or "places alone")]
         return "<table>" + "".join(f"<tr><th>{k}</th><td>{escape(v)}</td></tr>" for k, v in cells) + "</table>"
 
+    def _repr_png_(self) -> bytes | None:
+        from surfel.shapes.portrait import portrait
+
+        try:
+            return portrait(self)
+        except (ArithmeticError, ImportError, MemoryError, ValueError):  # a notebook shows the table then
+            return None
+
     def with_solid(self, solid: bool | None) -> Self:
         """Return the same cloud, said to be a solid (True), a sheet (False), or undecided (None)."""
         return self._like(solid=solid)
