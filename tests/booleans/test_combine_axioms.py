@@ -41,8 +41,8 @@ def test_axioms(seed):
         assert len(surfel.combine(tree).surfels) == 0
     for operation in (Union, Intersection):
         one, other = surfel.combine(operation(a, b)), surfel.combine(operation(b, a))
-        assert len(one.surfels) == pytest.approx(len(other.surfels), rel=0.015)  # where they coincide, the first's stay
-        assert area(one) == pytest.approx(area(other), rel=6e-3)  # more of it where they cross at a flat angle
+        assert len(one.surfels) == pytest.approx(len(other.surfels), rel=8e-3)  # where they coincide, the first's stay
+        assert area(one) == pytest.approx(area(other), rel=5e-3)  # more of it where they cross at a flat angle
     # A - B = A & not B, not B by a box that holds it all
     everything = surfel.Box(10.0)
     outside = surfel.combine(Intersection(a, Difference(everything, b)), spacing=0.5).surfels
@@ -55,7 +55,7 @@ def test_axioms(seed):
     # areas: what is cut away here is found there
     union, common = area(surfel.combine(a | b)), area(surfel.combine(a & b))
     whole = sum(float(cloud.surface.patches.areas.sum()) for cloud in (a, b))
-    assert union + common == pytest.approx(whole, rel=3e-3)  # what lies on both, at flat angles, is counted once
+    assert union + common == pytest.approx(whole, rel=2e-3)  # what lies on both, at flat angles, is counted once
 
 
 def test_rigid_motion_and_order_of_points():

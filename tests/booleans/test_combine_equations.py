@@ -111,3 +111,12 @@ def test_a_sheet_of_an_equation_is_trimmed_by_a_scan():
     assert np.abs(sheet.points[:, 2] - sheet.points[:, 0] ** 2 + sheet.points[:, 1] ** 2).max() < 1e-9
     exact = surfel.measure(saddle & Sphere(1.0), lines=1 << 18)
     assert float(sheet.clips.areas.sum()) == pytest.approx(float(exact.area), rel=5e-3)
+
+
+def test_the_sheet_of_a_safe_spline_is_trimmed_by_a_solid():
+    xy = np.random.default_rng(0).uniform(-1.0, 1.0, (2000, 2))
+    sheet = surfel.bound(np.column_stack([xy, 0.2 * np.sin(3.0 * xy[:, 0]) * xy[:, 1]])).sheet()
+    found = surfel.combine(sheet & Sphere(0.7), spacing=0.03)
+    assert found.kept[1] == 0
+    assert np.linalg.norm(found.surfels.points, axis=1).max() < 0.75
+    assert area(found) == pytest.approx(float(surfel.measure(sheet & Sphere(0.7), lines=1 << 18).area), rel=4e-3)

@@ -78,9 +78,12 @@ class CloudLeaf(Leaf):
     ) -> NDArray[np.bool_]:
         """Tell which surfels lie where one of the cloud does: that says more than the sheets, and cuts none."""
         operand = self.classifier.operand
-        cosine = np.einsum("ij,ij->i", part.normals[rows], operand.normals[there])
-        here = (square <= (_SAME_PLACE * operand.spacings[there]) ** 2) & (np.abs(cosine) > ALIGNED)
-        sides[rows[here]] = np.where(cosine[here] > 0.0, SAME, OPPOSED)
+        here = square <= (_SAME_PLACE * operand.spacings[there]) ** 2
+        close = np.flatnonzero(here)
+        cosine = np.einsum("ij,ij->i", part.normals[rows[close]], operand.normals[there[close]])
+        aligned = np.abs(cosine) > ALIGNED
+        here[close[~aligned]] = False
+        sides[rows[close[aligned]]] = np.where(cosine[aligned] > 0.0, SAME, OPPOSED)
         return np.asarray(here)
 
     def sift(self, points: Floats, normals: Floats, reach: float) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:

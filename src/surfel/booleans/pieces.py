@@ -191,23 +191,20 @@ def merged(pieces: Pieces, fate: NDArray[np.int8]) -> tuple[Pieces, NDArray[np.i
     Pieces, NDArray[np.int8]
         Fewer, and their fates.
     """
-    pieces = pieces._replace(above=pieces.above & pieces.used)  # which side of a line that passes by says nothing
+    pieces = pieces.chosen(np.arange(len(fate)))  # a copy
+    pieces.above[:] &= pieces.used  # which side of a line that passes by says nothing
     every = int(np.bitwise_or.reduce(pieces.used, initial=0))
     for line in reversed(range(every.bit_length())):
         bit = np.int64(1) << line
-        rest = pieces.above & ~bit
-        order = np.lexsort((pieces.above & bit, rest, pieces.used, pieces.row))
-        pieces, fate, rest = pieces.chosen(order), fate[order], rest[order]
-        first = np.flatnonzero(
-            (pieces.row[:-1] == pieces.row[1:])
-            & (pieces.used[:-1] == pieces.used[1:])
-            & (rest[:-1] == rest[1:])
-            & (pieces.used[:-1] & bit > 0)
-            & (fate[:-1] == fate[1:])
-        )
+        beside = np.flatnonzero(pieces.used & bit)
+        above = pieces.above[beside]
+        order = np.lexsort((above & bit, above & ~bit, pieces.used[beside], pieces.row[beside]))
+        beside = beside[order]
+        keys = (pieces.row[beside], pieces.used[beside], pieces.above[beside] & ~bit, fate[beside])
+        pairs = np.logical_and.reduce([key[:-1] == key[1:] for key in keys])
+        first, second = beside[:-1][pairs], beside[1:][pairs]
         if not len(first):
             continue
-        second = first + 1
         area = pieces.area[first] + pieces.area[second]
         share = np.where(area > 0.0, pieces.area[first] / np.where(area > 0.0, area, 1.0), 0.5)[:, None]
         middle = share * pieces.middle[first] + (1.0 - share) * pieces.middle[second]

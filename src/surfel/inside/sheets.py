@@ -169,12 +169,11 @@ def side_of_sheets(points, normals, x, y, z, squares, near, sums):
     if one:
         return first, True
     second = _over_sheet(sums, 1)
-    if (first < 0.0) == (second < 0.0):
-        return first, True
     convex = 0.0
     for t in range(3):
         convex += (sums[1, t] - sums[0, t]) * (sums[1, 3 + t] - sums[0, 3 + t])
-    return max(first, second) if convex > 0.0 else min(first, second), False
+    decided = max(first, second) if convex > 0.0 else min(first, second)
+    return decided, (first < 0.0) == (second < 0.0)
 
 
 @inner
