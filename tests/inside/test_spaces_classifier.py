@@ -229,7 +229,7 @@ def test_same_bits_on_one_and_two_threads() -> None:
         answer = classifier.classify(Operand.of(*sphere(60_000)), pose=motion())
         assert classifier._coloured is not None
         grid = classifier._coloured.grid
-        found.append((answer.kind, answer.near, answer.value, grid.border, grid.inside, classifier._slabs))
+        found.append((answer.kind, answer.near, answer.value, grid.border, grid.inside, classifier._slabs.planes))
     numba.set_num_threads(before)
     for a, b in zip(*found, strict=True):
         assert a.tobytes() == b.tobytes()

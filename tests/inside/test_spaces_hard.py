@@ -38,6 +38,36 @@ def test_one_stray_spoils_nothing(away: float) -> None:
     assert wrong(classifier, places()) <= 0.001
 
 
+@pytest.mark.parametrize("count", [4, 12])
+def test_strays_round_about_spoil_little(count: int) -> None:
+    rng = np.random.default_rng(count)
+    away = 0.8 * sphere(count, 2) * rng.uniform(0.5, 2.0, (count, 1))
+    away = away[np.abs(np.linalg.norm(away, axis=1) - 1.0) > 0.3]
+    cloud = Operand.of(np.concatenate([sphere(), away]), np.concatenate([sphere(), sphere(len(away), 5)]))
+    classifier = Classifier(cloud)
+    found = cloud.strays[np.argsort(cloud.order)]
+    assert not found[:N].any() and found[N:].all() and len(away) > 1
+    assert cloud.areas[cloud.strays].max() == 0.0 and cloud.spacings[cloud.strays].max() < 0.1
+    assert not classifier.leaky and wrong(classifier, places()) <= 0.003
+
+
+@pytest.mark.parametrize("shape", ["even", "uneven", "plate", "hemisphere", "noisy"])
+def test_no_surfel_of_a_surface_is_a_stray(shape: str) -> None:
+    rng, points = np.random.default_rng(3), sphere(30_000)
+    normals = points
+    if shape == "uneven":
+        keep = (points[:, 0] > 0.0) | (rng.random(len(points)) < 0.03)
+        points, normals = points[keep], points[keep]
+    elif shape == "plate":
+        normals = np.sign(points) * [0.0, 0.0, 1.0]
+        points = points * [1.0, 1.0, 0.0] + 0.004 * normals
+    elif shape == "hemisphere":
+        points = normals = points[points[:, 2] > 0.0]
+    elif shape == "noisy":
+        points = points + rng.normal(0.0, 0.02, points.shape)
+    assert not Operand.of(points, normals).strays.any()
+
+
 @pytest.mark.parametrize("apart", [[1e4, 0.0, 0.0], [6e3, 6e3, 6e3]])
 def test_two_parts_far_apart_are_both_solid(apart: list[float]) -> None:
     points = np.concatenate([sphere(), sphere() + apart])

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import kernel, rows, threads_for
+from surfel._numba import inner, kernel, rows, threads_for
 from surfel.core.cast import Floats
 from surfel.inside.grid import Frame
 
@@ -17,6 +17,9 @@ EMPTY = 21.0
 
 LARGEST = 12.0
 """And at most this many cells: strays shall not fill space."""
+
+_RUN = 16  # surfels that follow each other in the order, and mark bricks together
+_TOGETHER = 27  # bricks at the most
 
 
 class Bricks(NamedTuple):
@@ -44,12 +47,11 @@ def mark_border(frame: Frame, points: Floats, normals: Floats, radii: Floats) ->
     """
     n = len(points)
     touched = np.zeros(frame.bricks, np.uint8)
-    boxes = np.empty((n, 6), np.int32)
     with threads_for(4 * n):
-        _touch(n, points, normals, radii, frame.low, frame.step, touched, boxes)
+        _touch_runs(-(-n // _RUN), points, normals, radii, frame.low, frame.step, touched)
         table, count = number_bricks(touched)
         cells = np.zeros((count, 512), np.uint8)
-        _mark(n, points, normals, boxes, frame.low, frame.step, table, cells)
+        _mark(n, points, normals, radii, frame.low, frame.step, table, cells)
         _own(n, points, frame.low, frame.step, table, cells)
         border, owned = np.zeros((count, 8), np.uint64), np.zeros((count, 8), np.uint64)
         _pack(count, cells, border, owned)
@@ -59,7 +61,7 @@ def mark_border(frame: Frame, points: Floats, normals: Floats, radii: Floats) ->
 def touched_bricks(frame: Frame, points: Floats, normals: Floats, radii: Floats) -> NDArray[np.uint8]:
     """Return 1 for each brick that the box round a disk meets."""
     touched = np.zeros(frame.bricks, np.uint8)
-    _touch(len(points), points, normals, radii, frame.low, frame.step, touched, np.empty((len(points), 6), np.int32))
+    _touch(len(points), points, normals, radii, frame.low, frame.step, touched)
     return touched
 
 
@@ -103,27 +105,63 @@ def number_bricks(touched):
 
 
 @rows
-def _touch(first, last, points, normals, radii, low, step, touched, boxes):
-    """Write the cells that the box round each disk meets, and mark their bricks; the outermost cells are left out."""
+def _touch_runs(first, last, points, normals, radii, low, step, touched):
+    """Mark the bricks that the boxes round runs of disks meet: a few more than the disks themselves do.
+
+    Where a run leaps from one part of the cloud to another, each disk marks its own.
+    """
     inverse = 1.0 / step
-    shape = touched.shape
-    for n in range(first, last):
-        radius = radii[n] * inverse
+    corner, end = np.empty(3, np.int64), np.empty(3, np.int64)
+    for run in range(first, last):
+        start, stop = run * _RUN, min(len(points), run * _RUN + _RUN)
+        reach = 0.0
+        for n in range(start, stop):
+            reach = max(reach, radii[n])
+        bricks = 1
         for axis in range(3):
-            normal = normals[n, axis]
-            reach = radius * math.sqrt(max(0.0, 1.0 - normal * normal))
-            middle = (points[n, axis] - low[axis]) * inverse
-            boxes[n, axis] = int(max(middle - reach, 1.0))
-            boxes[n, axis + 3] = int(min(middle + reach, 8.0 * shape[axis] - 1.5))
-        for i in range(boxes[n, 0] >> 3, (boxes[n, 3] >> 3) + 1):
-            for j in range(boxes[n, 1] >> 3, (boxes[n, 4] >> 3) + 1):
-                for k in range(boxes[n, 2] >> 3, (boxes[n, 5] >> 3) + 1):
-                    touched[i, j, k] = 1
+            lowest = highest = points[start, axis]
+            for n in range(start + 1, stop):
+                lowest, highest = min(lowest, points[n, axis]), max(highest, points[n, axis])
+            corner[axis] = int(max((lowest - reach - low[axis]) * inverse, 1.0)) >> 3
+            end[axis] = int(min((highest + reach - low[axis]) * inverse, 8.0 * touched.shape[axis] - 1.5)) >> 3
+            bricks *= end[axis] + 1 - corner[axis]
+        if bricks <= _TOGETHER:
+            for i in range(corner[0], end[0] + 1):
+                for j in range(corner[1], end[1] + 1):
+                    for k in range(corner[2], end[2] + 1):
+                        touched[i, j, k] = 1
+        else:
+            for n in range(start, stop):
+                _touch_one(n, points, normals, radii, low, inverse, touched, corner, end)
 
 
 @rows
-def _mark(first, last, points, normals, boxes, low, step, table, cells):
+def _touch(first, last, points, normals, radii, low, step, touched):
+    """Mark the bricks that the box round each disk meets."""
+    corner, end = np.empty(3, np.int64), np.empty(3, np.int64)
+    for n in range(first, last):
+        _touch_one(n, points, normals, radii, low, 1.0 / step, touched, corner, end)
+
+
+@inner
+def _touch_one(n, points, normals, radii, low, inverse, touched, corner, end):
+    """Mark the bricks that the box round a disk meets; the outermost cells are left out."""
+    for axis in range(3):
+        reach = radii[n] * inverse * math.sqrt(max(0.0, 1.0 - normals[n, axis] * normals[n, axis]))
+        middle = (points[n, axis] - low[axis]) * inverse
+        corner[axis] = int(max(middle - reach, 1.0)) >> 3
+        end[axis] = int(min(middle + reach, 8.0 * touched.shape[axis] - 1.5)) >> 3
+    for i in range(corner[0], end[0] + 1):
+        for j in range(corner[1], end[1] + 1):
+            for k in range(corner[2], end[2] + 1):
+                touched[i, j, k] = 1
+
+
+@rows
+def _mark(first, last, points, normals, radii, low, step, table, cells):
+    """Mark the cells of the box round each disk that its plane meets; the outermost cells are left out."""
     inverse = 1.0 / step
+    most_x, most_y, most_z = 8.0 * table.shape[0] - 1.5, 8.0 * table.shape[1] - 1.5, 8.0 * table.shape[2] - 1.5
     for n in range(first, last):
         nx, ny, nz = normals[n, 0], normals[n, 1], normals[n, 2]
         # the plane meets a cell where its middle is no farther than half the cell's extent along the normal
@@ -133,15 +171,20 @@ def _mark(first, last, points, normals, boxes, low, step, table, cells):
             (points[n, 1] - low[1]) * inverse,
             (points[n, 2] - low[2]) * inverse,
         )
-        for i in range(boxes[n, 0], boxes[n, 3] + 1):
+        r = radii[n] * inverse
+        rx = r * math.sqrt(max(0.0, 1.0 - nx * nx))
+        ry = r * math.sqrt(max(0.0, 1.0 - ny * ny))
+        rz = r * math.sqrt(max(0.0, 1.0 - nz * nz))
+        i0, i1 = int(max(x - rx, 1.0)), int(min(x + rx, most_x))
+        j0, j1 = int(max(y - ry, 1.0)), int(min(y + ry, most_y))
+        k0, k1 = int(max(z - rz, 1.0)), int(min(z + rz, most_z))
+        for i in range(i0, i1 + 1):
             at_x = nx * (i + 0.5 - x)
-            for j in range(boxes[n, 1], boxes[n, 4] + 1):
+            for j in range(j0, j1 + 1):
                 at_y = at_x + ny * (j + 0.5 - y)
-                for k in range(boxes[n, 2], boxes[n, 5] + 1):
+                for k in range(k0, k1 + 1):
                     if abs(at_y + nz * (k + 0.5 - z)) <= half:
-                        brick = table[i >> 3, j >> 3, k >> 3]
-                        if brick >= 0:
-                            cells[brick, ((i & 7) << 6) | ((j & 7) << 3) | (k & 7)] = 1
+                        cells[table[i >> 3, j >> 3, k >> 3], ((i & 7) << 6) | ((j & 7) << 3) | (k & 7)] = 1
 
 
 @rows

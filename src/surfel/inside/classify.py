@@ -21,7 +21,7 @@ from surfel.inside.judges import NAMES, choose, named
 from surfel.inside.operand import Operand
 from surfel.inside.recolour import recolour
 from surfel.inside.sift import UNDECIDED, sift_each, sift_sorted
-from surfel.inside.slabs import guarded_slabs, more_slabs
+from surfel.inside.slabs import Slabs
 
 _MARGIN = 0.25  # spacings that slabs keep from the surfels; more than makes a place be on the surface
 _RIGID = 1e-6  # how far a rotation may be from orthonormal
@@ -93,7 +93,7 @@ class Classifier:
     def _take(self, operand: Operand, coloured: Coloured | None) -> None:
         """Adopt a coloured space and build the slabs."""
         self._coloured = coloured
-        self._slabs = np.empty((0, 6))
+        self._slabs = Slabs.none()
         self.recoloured = 0 if coloured is None else int((coloured.grid.table >= 0).sum())
         self.operand = operand if coloured is None else coloured.operand
         self.flipped: Booleans = np.zeros(0, bool) if coloured is None else coloured.flipped
@@ -102,8 +102,8 @@ class Classifier:
         self.leaky = False if coloured is None else coloured.leaky
         if coloured is not None and self._slabbed:
             here = coloured.operand
-            self._slabs = guarded_slabs(
-                coloured.grid.table, coloured.owners, here.points, here.normals, self._radii(), self._margin()
+            self._slabs = Slabs.of(
+                coloured.owners, coloured.doubt, here.points, here.normals, self._radii(), self._margin()
             )
 
     def _radii(self) -> Floats:
@@ -215,10 +215,9 @@ class Classifier:
         other._take(operand, patch.coloured)
         other._slabbed, other.recoloured = self._slabbed, len(patch.place)
         if self._slabbed:
-            other._slabs = more_slabs(
-                patch.coloured.grid.table, patch.place, patch.coloured.owners, self._slabs, patch.held,
-                operand.points, operand.normals, other._radii(), other._margin(),
-            )  # fmt: skip
+            other._slabs = self._slabs.with_cells(
+                patch.coloured.owners, patch.held, operand.points, operand.normals, other._radii(), other._margin()
+            )
         return other
 
     def _sift(
@@ -226,7 +225,7 @@ class Classifier:
     ) -> tuple[NDArray[np.int8], Booleans]:
         assert self._coloured is not None
         grid, owners = self._coloured.grid, self._coloured.owners
-        slabs = self._slabs if self._has_distances() else self._slabs[:0]  # in noise the planes say too much
+        slabs = self._slabs if self._has_distances() else self._slabs.without_planes()  # in noise they say too much
         if other is None:
             return sift_each(grid, owners, slabs, places, motion, reach)
         return sift_sorted(grid, owners, slabs, other.spheres, places, motion, reach)

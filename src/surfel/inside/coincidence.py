@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import rows, threads_for
+from surfel._numba import inner, rows, threads_for
 from surfel.core.cast import Floats
 from surfel.inside.classes import ON_OPPOSED, ON_SAME
 from surfel.inside.operand import Operand
@@ -19,6 +19,11 @@ ALIGNED = 0.95
 """And if the cosine of the angle between its normal and the surface's is larger than this."""
 
 NEIGHBOURS = 10
+
+WIDER, LEAST = 6.0, 6e-4
+"""Surfaces that lie at a larger angle than that cross, and do not coincide: by 1 - cosine, ``WIDER`` times what the
+normals of neighbours differ by, and about 2 degrees. So clean clouds are cut where they cross, however flatly; what
+curvature or noise makes of one and the same surface is no crossing."""
 
 _SHEET = 0.8  # neighbours whose normals make at least this cosine belong to the sheet in question
 _REACH = 1.5  # the nearest of them is no farther than this, in spacings: beyond it the sheet has ended
@@ -83,7 +88,23 @@ def _compare(first, last, places, upright, points, normals, spacings, squares, n
             if total == 0.0 or math.sqrt(closest) > _REACH * spacing:
                 continue
             length = math.sqrt(gx * gx + gy * gy + gz * gz)
-            aligned = sign * (nx * gx + ny * gy + nz * gz) > ALIGNED * length
+            cosine = sign * (nx * gx + ny * gy + nz * gz) / length if length > 0.0 else 0.0
+            aligned = cosine > ALIGNED
+            if aligned and math.sqrt(closest) > _SAME_PLACE * spacing:
+                aligned = lies_along(normals, near[row], gx / length, gy / length, gz / length, cosine)
             if aligned and (abs(height) < least * total or (on[row] == 0 and abs(height) == 0.0)):
                 least = abs(height) / total
                 on[row] = kind
+
+
+@inner
+def lies_along(normals, near, x, y, z, cosine):
+    """Tell whether a plane at this cosine with a sheet may be one with it: neighbours on the sheet differ as much."""
+    count, spread = 0, 0.0
+    for a in range(len(near)):
+        j = near[a]
+        c = normals[j, 0] * x + normals[j, 1] * y + normals[j, 2] * z
+        if c > _SHEET:
+            count += 1
+            spread += 1.0 - c
+    return count > 0 and 1.0 - cosine <= WIDER * spread / count + LEAST

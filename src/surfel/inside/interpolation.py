@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from surfel._numba import rows, threads_for
+from surfel._numba import kernel, rows, threads_for
 from surfel.core.cast import Booleans, Floats
 
 AGREE = 1.5
@@ -14,6 +16,15 @@ AGREE = 1.5
 
 FAR = 2.5
 """A known point farther away than this many of its lengths says nothing."""
+
+STRAY = 4.0
+"""A point farther than so many of its lengths from a neighbour, and off its plane, is a stranger to it."""
+
+OFF_PLANE = 0.35
+"""Sine of the angle over the plane of a neighbour from which on a point is off it."""
+
+KNOWN_TO = 2
+"""A point that is a stranger to all but so many of its neighbours is a stray; some of these may be strays as well."""
 
 _APART = 4  # points between those that are averaged over
 
@@ -60,3 +71,42 @@ def _take_over(first, last, points, known, stride, apart, values, trusted):
                 total += other * other
         values[n] = math.sqrt(0.25 * total)
         trusted[n] = min(to_a, to_b) <= FAR * FAR * length * length
+
+
+def mark_strays(
+    chosen: NDArray[np.integer[Any]], squares: Floats, near: NDArray[np.int32], points: Floats, normals: Floats,
+    lengths: Floats, strays: Booleans,
+) -> None:  # fmt: skip
+    """Mark those of some points that are strangers to their neighbours.
+
+    A point of a sparse part lies far from those of a dense one, but in their planes.
+
+    Parameters
+    ----------
+    chosen : NDArray[np.integer], shape (m,)
+        Rows of the points.
+    squares, near : Floats and NDArray[np.int32], shape (m, k)
+        The squared distances and the rows of their neighbours.
+    points, normals, lengths : Floats, shape (n, 3), (n, 3) and (n,)
+        Of all points.
+    strays : Booleans, shape (n,)
+        Where to write.
+    """
+    _mark_strays(np.ascontiguousarray(chosen, np.int64), squares, near, points, normals, lengths, strays)
+
+
+@kernel
+def _mark_strays(chosen, squares, near, points, normals, lengths, strays):
+    for row in range(len(chosen)):
+        i, known = chosen[row], 0
+        for a in range(near.shape[1]):
+            j = near[row, a]
+            length = STRAY * lengths[j]
+            off = 0.0
+            for axis in range(3):
+                off += normals[j, axis] * (points[i, axis] - points[j, axis])
+            if squares[row, a] <= length * length or off * off <= OFF_PLANE * OFF_PLANE * squares[row, a]:
+                known += 1
+                if known > KNOWN_TO:
+                    break
+        strays[i] = known <= KNOWN_TO and near.shape[1] > 2 * KNOWN_TO

@@ -28,10 +28,21 @@ TWINS = 0.01
 STRIDE, FEWEST = 4, 10_000
 """In larger clouds than this, one surfel in four looks for its neighbours; two others take over what it finds."""
 
+WIDE = 3.0
+"""Where the spacing is so many times the median, each surfel looks for its neighbours: it may be a stray."""
+
 LOOKED_AT = 256
 """How many surfels tell the noise."""
 
-_OF_POINTS = ("areas", "spacings", "spacing", "bounds", "spheres", "noise")  # what does not depend on the normals
+_OF_POINTS = (
+    "areas",
+    "strays",
+    "spacings",
+    "spacing",
+    "bounds",
+    "spheres",
+    "noise",
+)  # what does not depend on the normals
 
 
 class Operand:
@@ -73,6 +84,7 @@ class Operand:
         self.normals = read_only(normals)
         self._lock = threading.RLock()
         self._known: dict[str, Any] = {}
+        self._given_spacings = spacings is not None
         for name, given in (("areas", areas), ("spacings", spacings)):
             if given is not None:
                 self._known[name] = read_only(given)
@@ -122,11 +134,24 @@ class Operand:
     @property
     def spacings(self) -> Floats:
         """How far apart the surfels lie at each of them, shape (n,)."""
-        return self._once("spacings", lambda: _spacings(self._index))
+        return self._once("spacings", lambda: self._local[0])
+
+    @property
+    def strays(self) -> Booleans:
+        """Which surfels lie far off the surface that their neighbours show, shape (n,); none where spacings were given.
+
+        They stand for no area, and their disks are small: space is coloured as if they were not there.
+        """
+        return self._once("strays", lambda: np.zeros(len(self), bool) if self._given_spacings else self._local[1])
+
+    @property
+    def _local(self) -> tuple[Floats, Booleans]:
+        """The spacings and the strays as they were found together."""
+        return self._once("local", lambda: _spacings(self._index, self.normals))
 
     @property
     def areas(self) -> Floats:
-        """The area that each surfel stands for, shape (n,)."""
+        """The area that each surfel stands for, shape (n,); by default none where it lies far from all others."""
         return self._once("areas", lambda: read_only(self._default_areas()))
 
     @property
@@ -170,6 +195,7 @@ class Operand:
         with self._lock:
             known = {name: value for name, value in self._known.items() if name in _OF_POINTS}
         like = Operand(self._index, np.array(normals), None, None)
+        like._given_spacings = self._given_spacings
         like._known.update(known)
         return like
 
@@ -197,6 +223,7 @@ class Operand:
     def _default_areas(self) -> Floats:
         """Return the squares of the spacings, shared out where several surfels lie at one place."""
         squares: Floats = self.spacings**2
+        squares[self.strays] = 0.0
         beside = np.flatnonzero(self.points[1:, 0] == self.points[:-1, 0])
         alike = (self.points[beside + 1] == self.points[beside]).all(axis=1)
         return squares / _shared(self.points) if len(beside) and alike.any() else squares
@@ -220,31 +247,45 @@ class Operand:
             return found
 
 
-def _spacings(index: PointIndex | None) -> Floats:
-    """Return the spacing at every surfel, from the neighbours of one in :data:`STRIDE`, averaged over a few of these.
+def _spacings(index: PointIndex | None, normals: Floats) -> tuple[Floats, Booleans]:
+    """Return the spacing at every surfel, and which are strays.
 
-    Surfels at one place are taken as one.
+    The spacing is told by the neighbours of one surfel in :data:`STRIDE`, averaged over a few of these. Surfels at one
+    place are taken as one. A stray takes the spacing of the surfel nearest to it.
     """
     n = 0 if index is None else len(index)
     if index is None or n < 2:
-        return read_only(np.zeros(n))
+        return read_only(np.zeros(n)), read_only(np.zeros(n, bool))
     k = min(NEIGHBOURS, n - 1)
     stride = 1 if n < FEWEST else STRIDE
-    squares = index.knn(k, np.arange(0, n, stride))[0]
+    asked = np.arange(0, n, stride)
+    squares, near = index.knn(k, asked)
     if np.mean(squares[:, 0] == 0.0) > TWINS:
         places, of_surfel = np.unique(index.points, axis=0, return_inverse=True)
         distinct = PointIndex(places)
-        found = np.empty(len(places))
-        found[distinct.order] = _spacings(distinct) if len(places) > 1 else 0.0
-        return read_only(found[of_surfel.ravel()])
+        of_place = np.zeros((len(places), 3))
+        of_place[of_surfel.ravel()] = normals
+        found, alone = np.empty(len(places)), np.empty(len(places), bool)
+        found[distinct.order], alone[distinct.order] = (
+            _spacings(distinct, of_place[distinct.order]) if len(places) > 1 else (0.0, False)
+        )
+        return read_only(found[of_surfel.ravel()]), read_only(alone[of_surfel.ravel()])
     known = np.sqrt(squares[:, k - 1] * (np.pi / k))
-    from surfel.inside.interpolation import along_the_order
+    from surfel.inside.interpolation import along_the_order, mark_strays
 
     spacings, trusted = along_the_order(index.points, known, stride)
-    left = np.flatnonzero(~trusted)
+    left = np.flatnonzero(~trusted | (spacings > WIDE * np.median(known)))
+    strays = np.zeros(n, bool)
+    groups = [(asked, squares, near)]
     if len(left):
-        spacings[left] = np.sqrt(index.knn(k, left)[0][:, k - 1] * (np.pi / k))
-    return read_only(spacings)
+        groups.append((left, *index.knn(k, left)))
+        spacings[left] = np.sqrt(groups[1][1][:, k - 1] * (np.pi / k))
+    for group in groups:
+        mark_strays(*group, index.points, normals, spacings, strays)
+    for rows, _, neighbours in groups:
+        alone = strays[rows]
+        spacings[rows[alone]] = spacings[neighbours[alone]].min(axis=1)
+    return read_only(spacings), read_only(strays)
 
 
 def _shared(points: Floats) -> Floats:

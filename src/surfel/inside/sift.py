@@ -9,6 +9,7 @@ from surfel._numba import inlined, inner, rows, threads_for
 from surfel.core.cast import Booleans, Floats
 from surfel.inside.grid import BORDER, IN, OUT, Grid, colour_of_ball
 from surfel.inside.owners import Owners, owner_of
+from surfel.inside.slabs import SAFE, Slabs, guard
 from surfel.inside.spheres import BLOCK, WIDTH, Spheres
 
 UNDECIDED = -1
@@ -17,10 +18,11 @@ UNDECIDED = -1
 _TOP = 2  # spheres of this level (or the highest) are the items that threads share
 _STACK = 64
 _RUN = 256  # places that are settled together
+_ENOUGH = 3  # slabs that have to agree about a cell that holds no surfel
 
 
 def sift_sorted(
-    grid: Grid, owners: Owners, slabs: Floats, spheres: Spheres, points: Floats, motion: Floats, reach: float
+    grid: Grid, owners: Owners, slabs: Slabs, spheres: Spheres, points: Floats, motion: Floats, reach: float
 ) -> tuple[NDArray[np.int8], Booleans]:
     """Sift points that are sorted along a curve, given their spheres, under a rigid motion (3, 4).
 
@@ -36,25 +38,25 @@ def sift_sorted(
     count = int(spheres.levels[top + 1] - spheres.levels[top])
     with threads_for(len(points)):
         _sift_spheres(
-            count, np.int64(top), *spheres, points, motion, reach, *grid, owners.base, owners.owned, slabs, kind, near
+            count, np.int64(top), *spheres, points, motion, reach, *grid, owners.base, owners.owned, *slabs, kind, near
         )
     return kind, near
 
 
 def sift_each(
-    grid: Grid, owners: Owners, slabs: Floats, points: Floats, motion: Floats, reach: float
+    grid: Grid, owners: Owners, slabs: Slabs, points: Floats, motion: Floats, reach: float
 ) -> tuple[NDArray[np.int8], Booleans]:
     """Sift points in any order, one by one."""
     kind, near = np.zeros(len(points), np.int8), np.zeros(len(points), bool)  # OUT, which is not written
     with threads_for(len(points)):
-        _sift_points(len(points), points, motion, reach, *grid, owners.base, owners.owned, slabs, kind, near)
+        _sift_points(len(points), points, motion, reach, *grid, owners.base, owners.owned, *slabs, kind, near)
     return kind, near
 
 
 @rows
 def _sift_spheres(
     first, last, top, levels, centres, radii, points, motion, reach, low, step, table, border, inside, gap, base, owned,
-    slabs, kind, near,
+    slabs, safe, doubt, kind, near,
 ):  # fmt: skip
     n = len(points)
     stack, todo = np.empty(_STACK, np.int64), np.empty(BLOCK << (3 * _TOP), np.int64)
@@ -80,14 +82,15 @@ def _sift_spheres(
                     todo[count] = i
                     count += 1
         _settle(
-            todo, count, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, kind, near,
-            left, cells, bricks,
+            todo, count, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, safe, doubt,
+            kind, near, left, cells, bricks,
         )  # fmt: skip
 
 
 @rows
 def _sift_points(
-    first, last, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, kind, near
+    first, last, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, safe, doubt,
+    kind, near,
 ):  # fmt: skip
     todo = np.empty(_RUN, np.int64)
     left, cells, bricks = np.empty_like(todo), np.empty_like(todo), np.empty_like(todo)
@@ -96,8 +99,8 @@ def _sift_points(
         for m in range(count):
             todo[m] = start + m
         _settle(
-            todo, count, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, kind, near,
-            left, cells, bricks,
+            todo, count, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, safe, doubt,
+            kind, near, left, cells, bricks,
         )  # fmt: skip
 
 
@@ -111,15 +114,19 @@ def _moved(motion, x, y, z):
     )
 
 
+# Several threads may write to one byte of ``safe``. They all write the same value, so the order does not matter.
+
+
 @inner
 def _settle(
-    todo, many, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, kind, near, left,
-    cells, bricks,
+    todo, many, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, safe, doubt,
+    kind, near, left, cells, bricks,
 ):  # fmt: skip
     """Write the kind of the first ``many`` places of ``todo``, and which are near: by their cells, or by slabs.
 
     What is outside and far is not written. The cells are looked up without the branches that nobody could predict, and
-    those of the border are kept in ``left``, ``cells`` and ``bricks``, scratch as long as ``todo``.
+    those of the border are kept in ``left``, ``cells`` and ``bricks``, scratch as long as ``todo``. A border cell that
+    holds no surfel has no slab: there the slabs of all cells round it have to agree.
     """
     inverse = 1.0 / step
     nx, ny, nz = 8.0 * table.shape[0], 8.0 * table.shape[1], 8.0 * table.shape[2]
@@ -146,20 +153,48 @@ def _settle(
         within = (border[brick, u & 7] >> place) & one
         kind[i] = np.int64((inside[brick, u & 7] >> place) & one)
         near[i] = within
-        left[count], cells[count], bricks[count] = i, (u & 7) << 6 | np.int64(place), brick
+        left[count], cells[count], bricks[count] = i, (u << 42) | (v << 21) | w, brick
         count += np.int64(within)
     for m in range(count):
         i, brick = left[m], bricks[m]
         colour = UNDECIDED
         if brick < len(base) and len(slabs) > 0:
-            layer = cells[m] >> 6
-            cell = owner_of(owned[brick, layer], base[brick, layer], one << np.uint64(cells[m] & 63))
+            u, v, w = cells[m] >> 42, (cells[m] >> 21) & 0x1FFFFF, cells[m] & 0x1FFFFF
+            layer, bit = u & 7, one << np.uint64(8 * (v & 7) + (w & 7))
+            x, y, z = _moved(motion, points[i, 0], points[i, 1], points[i, 2])
+            cell = owner_of(owned[brick, layer], base[brick, layer], bit)
             if cell >= 0:
-                x, y, z = _moved(motion, points[i, 0], points[i, 1], points[i, 2])
+                if safe[cell] == 0:
+                    safe[cell] = guard(u, v, w, cell, table, base, owned, slabs)
                 along = slabs[cell, 0] * x + slabs[cell, 1] * y + slabs[cell, 2] * z
-                if along < slabs[cell, 3]:
+                if along < slabs[cell, 3] and safe[cell] == SAFE:
                     colour = IN
-                elif along > slabs[cell, 4]:
+                elif along > slabs[cell, 4] and safe[cell] == SAFE:
+                    colour = OUT
+            elif brick >= len(doubt) or doubt[brick, layer] & bit == np.uint64(0):
+                below = above = 0
+                for e in range(u - 1, u + 2):
+                    for f in range(v - 1, v + 2):
+                        for g in range(w - 1, w + 2):
+                            other = table[e >> 3, f >> 3, g >> 3]
+                            if other < 0 or other >= len(base):
+                                continue
+                            cell = owner_of(
+                                owned[other, e & 7], base[other, e & 7], one << np.uint64(8 * (f & 7) + (g & 7))
+                            )
+                            if cell < 0:
+                                continue
+                            if safe[cell] == 0:
+                                safe[cell] = guard(e, f, g, cell, table, base, owned, slabs)
+                            along = slabs[cell, 0] * x + slabs[cell, 1] * y + slabs[cell, 2] * z
+                            known = safe[cell] == SAFE
+                            below += 1 if known and along < slabs[cell, 3] else 0
+                            above += 1 if known and along > slabs[cell, 4] else 0
+                            if not known or (along >= slabs[cell, 3] and along <= slabs[cell, 4]):
+                                below, above = 1000, 1000  # and nothing can be said
+                if above == 0 and below >= _ENOUGH:
+                    colour = IN
+                elif below == 0 and above >= _ENOUGH:
                     colour = OUT
         kind[i] = colour
     for m in range(many if reach > 0.0 else 0):

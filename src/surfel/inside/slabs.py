@@ -7,11 +7,12 @@ all normals in the 3 x 3 x 3 cells round it lie in a narrow cone about their mea
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import inner, kernel, rows, threads_for
+from surfel._numba import inner, kernel
 from surfel.core.cast import Floats
 from surfel.inside.grid import bit_of
 from surfel.inside.owners import Owners, owner_of
@@ -19,43 +20,57 @@ from surfel.inside.owners import Owners, owner_of
 CONE = 0.85
 """Cosine of the widest angle between the mean normal of a cell and any normal round it."""
 
+SAFE, UNSAFE = np.uint8(1), np.uint8(2)
 
-def guarded_slabs(
-    table: NDArray[np.int32], owners: Owners, points: Floats, normals: Floats, radii: Floats, margin: float
-) -> Floats:
-    """Return normal, lower and upper plane, and cone of each owning cell, shape (cells, 6).
 
-    The slab is endless where none is safe. ``margin`` is added to either side. ``table`` numbers the bricks as the
-    owners' words are.
+class Slabs(NamedTuple):
+    """What settles places in border cells without a judge.
+
+    Parameters
+    ----------
+    planes : Floats, shape (cells, 6)
+        Normal, lower and upper plane, and cone of each cell that holds surfels; no rows where none is to be trusted.
+    safe : NDArray[np.uint8], shape (cells,)
+        Whether all normals round the cell lie in a cone: :data:`SAFE`, :data:`UNSAFE`, or 0 where nobody asked yet. It
+        is looked at, and written, when a place first needs it.
+    doubt : NDArray[np.uint64], shape (bricks, 8)
+        Bits of border cells that no slab may settle; none of bricks beyond.
     """
-    slabs = np.empty((len(owners.normals), 6))
-    _span(owners.of_surfel, owners.normals, points, normals, radii, margin, slabs)
-    place = np.argwhere(table >= 0).astype(np.int32)
-    guard(table, place, owners, slabs)
-    return slabs
 
+    planes: Floats
+    safe: NDArray[np.uint8]
+    doubt: NDArray[np.uint64]
 
-def more_slabs(
-    table: NDArray[np.int32], place: NDArray[np.int32], owners: Owners, slabs: Floats, chosen: NDArray[np.int64],
-    points: Floats, normals: Floats, radii: Floats, margin: float,
-) -> Floats:  # fmt: skip
-    """Return the slabs with those of new owning cells added, given the surfels that these hold and their bricks."""
-    known = len(slabs)
-    fresh = np.empty((len(owners.normals) - known, 6))
-    held = owners.of_surfel[chosen] - known
-    _span(held, owners.normals[known:], points[chosen], normals[chosen], radii[chosen], margin, fresh)
-    together = np.concatenate([slabs, fresh])
-    guard(table, place, owners, together)
-    return together
+    @classmethod
+    def of(
+        cls, owners: Owners, doubt: NDArray[np.uint64] | None, points: Floats, normals: Floats, radii: Floats,
+        margin: float,
+    ) -> Slabs:  # fmt: skip
+        """Lay slabs round the disks of the surfels that each cell holds; ``margin`` is added to either side."""
+        planes = np.empty((len(owners.normals), 6))
+        _span(owners.of_surfel, owners.normals, points, normals, radii, margin, planes)
+        nothing = np.empty((0, 8), np.uint64)
+        return cls(planes, np.zeros(len(planes), np.uint8), nothing if doubt is None else doubt)
 
+    @classmethod
+    def none(cls) -> Slabs:
+        """Return that there are none."""
+        return cls(np.empty((0, 6)), np.empty(0, np.uint8), np.empty((0, 8), np.uint64))
 
-def guard(table: NDArray[np.int32], place: NDArray[np.int32], owners: Owners, slabs: Floats) -> None:
-    """Make the slabs of unsafe cells of some bricks endless."""
-    place = place[table[tuple(place.T)] < len(owners.base)]
-    safe = np.ones(len(slabs), np.uint8)
-    with threads_for(512 * len(place)):
-        _guard(len(place), place, table, owners.base, owners.owned, slabs, safe)
-    slabs[safe == 0, 3], slabs[safe == 0, 4] = -np.inf, np.inf
+    def without_planes(self) -> Slabs:
+        """Return slabs that settle nothing."""
+        return self._replace(planes=self.planes[:0])
+
+    def with_cells(
+        self, owners: Owners, chosen: NDArray[np.int64], points: Floats, normals: Floats, radii: Floats, margin: float
+    ) -> Slabs:
+        """Return the slabs with those of new cells added, given the surfels that these hold."""
+        known = len(self.planes)
+        fresh = np.empty((len(owners.normals) - known, 6))
+        held = owners.of_surfel[chosen] - known
+        _span(held, owners.normals[known:], points[chosen], normals[chosen], radii[chosen], margin, fresh)
+        planes = np.concatenate([self.planes, fresh])
+        return Slabs(planes, np.zeros(len(planes), np.uint8), self.doubt)
 
 
 @kernel
@@ -78,27 +93,11 @@ def _span(of_surfel, means, points, normals, radii, margin, slabs):
         slabs[cell, 5] = min(slabs[cell, 5], cosine)
 
 
-@rows
-def _guard(first, last, place, table, base, owned, slabs, safe):
-    for row in range(first, last):
-        p, q, s = place[row, 0], place[row, 1], place[row, 2]
-        brick = table[p, q, s]
-        for layer in range(8):
-            word = owned[brick, layer]
-            cell = base[brick, layer]
-            for bit in range(64):
-                if word >> np.uint64(bit) & np.uint64(1):
-                    safe[cell] = _is_safe(
-                        8 * p + layer, 8 * q + (bit >> 3), 8 * s + (bit & 7), cell, table, base, owned, slabs
-                    )
-                    cell += 1
-
-
 @inner
-def _is_safe(i, j, k, cell, table, base, owned, slabs):
-    """Tell whether all normals in the cells round one lie in its cone."""
+def guard(i, j, k, cell, table, base, owned, slabs):
+    """Return SAFE where all normals in the cells round one lie in its cone, else UNSAFE."""
     if slabs[cell, 5] < CONE:
-        return 0
+        return UNSAFE
     nx, ny, nz = slabs[cell, 0], slabs[cell, 1], slabs[cell, 2]
     for u in range(i - 1, i + 2):
         for v in range(j - 1, j + 2):
@@ -112,9 +111,9 @@ def _is_safe(i, j, k, cell, table, base, owned, slabs):
                 cosine = min(nx * slabs[other, 0] + ny * slabs[other, 1] + nz * slabs[other, 2], 1.0)
                 spread = min(slabs[other, 5], 1.0)
                 if spread <= 0.0 or cosine <= 0.0:
-                    return 0
+                    return UNSAFE
                 # the cosine of the sum of the angle between the means and the angle of the other cell's own cone
                 both = cosine * spread - math.sqrt((1.0 - cosine * cosine) * (1.0 - spread * spread))
                 if both < CONE:
-                    return 0
-    return 1
+                    return UNSAFE
+    return SAFE

@@ -52,7 +52,7 @@ def with_numbers(table: NDArray[np.int32], cells: NDArray[np.int32]) -> tuple[ND
 
 @kernel
 def _number(table, cells, first):
-    """Number the bricks of cells that have no number, from ``first`` on; return how many these are."""
+    """Give numbers to the bricks of cells that have none, from ``first`` on; return how many these are."""
     count = first
     for n in range(len(cells)):
         i, j, k = cells[n, 0] >> 3, cells[n, 1] >> 3, cells[n, 2] >> 3

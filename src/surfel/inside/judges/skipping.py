@@ -93,12 +93,15 @@ def judge_by(look: Look, operand: Operand, queries: ArrayLike, *, skip: bool) ->
     if not len(operand) or not len(given):
         return Verdict.outside(len(given))
     order = hilbert_order(given)
-    places = _pulled_in(given[order], operand.bounds)
+    places = _pulled_in(np.take(given, order, axis=0), operand.bounds)
     value, certain = np.empty(len(places)), np.empty(len(places), bool)
     if skip and len(places) > RUN:
         left = _settle_runs(look, operand, places, value, certain)
-        found = look(operand, places[left])
-        value[left], certain[left] = found.value, found.certain
+        if len(left) == len(places):
+            value, certain = look(operand, places)[:2]
+        else:
+            found = look(operand, np.take(places, left, axis=0))
+            value[left], certain[left] = found.value, found.certain
     else:
         value, certain = look(operand, places)[:2]
     back_value, back_certain = np.empty_like(value), np.empty_like(certain)
@@ -112,12 +115,12 @@ def _pulled_in(places: Floats, bounds: Floats) -> Floats:
     From farther away rounding makes all surfels equally near, and any of them would be the nearest.
     """
     middle = 0.5 * bounds[0] + 0.5 * bounds[1]
-    offset = places - middle
-    distance = np.abs(offset).max(axis=1)
     limit = FAR * float(np.abs(0.5 * bounds[1] - 0.5 * bounds[0]).max())
+    if limit == 0.0 or (places.max() <= float(middle.min()) + limit and places.min() >= float(middle.max()) - limit):
+        return places  # nearly always: one look at all numbers
+    offset = places - middle
+    distance = np.maximum(np.maximum(np.abs(offset[:, 0]), np.abs(offset[:, 1])), np.abs(offset[:, 2]))
     beyond = distance > limit
-    if limit == 0.0 or not beyond.any():
-        return places
     near = places.copy()
     near[beyond] = middle + offset[beyond] * (limit / distance[beyond, None])
     return near
