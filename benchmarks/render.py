@@ -46,7 +46,20 @@ def cube(per_edge: int) -> surfel.Surfels:
 
 def report(quick: bool) -> str:
     """Return all tables as Markdown."""
-    return "\n".join(["# Pictures\n", f"{made_on()} {busy()}\n", _times(quick), _edges(quick), _reference(quick)])
+    return "\n".join(
+        ["# Pictures\n", f"{made_on()} {busy()}\n", _times(quick), _edges(quick), _reference(quick), _drags(quick)]
+    )
+
+
+def _drags(quick: bool) -> str:
+    """Return the table of the page's drags, where the extra ``view`` is installed."""
+    from importlib.util import find_spec
+
+    if find_spec("viser") is None:
+        return "Steps of a drag: not measured, for want of the extra `view`.\n"
+    from benchmarks.view import drags
+
+    return drags(quick)
 
 
 def _frame_times(shape: surfel.Surfels | surfel.Difference, smooth: bool) -> tuple[float, float]:

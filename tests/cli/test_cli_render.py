@@ -44,6 +44,30 @@ def test_the_reference_and_parallel_lines_are_drawn(files):
     assert np.abs(one - other).mean() < 3
 
 
+def test_any_axis_may_be_up(files):
+    rod = surfel.Cylinder(0.2, 4.0)
+    surfel.write("rod.csg", rod.rotated((1, 0, 0), 90))  # it stands along y
+    tall = {}
+    for up in "xyz":
+        assert main(["render", "rod.csg", "-o", f"{up}.png", "--size", "80x80", "--up", up]) == 0
+        rows, columns = np.nonzero((np.asarray(Image.open(f"{up}.png")).astype(int) < 250).any(axis=2))
+        tall[up] = np.ptp(rows) > 2 * np.ptp(columns)
+    assert tall == {"x": False, "y": True, "z": False}
+
+
+def test_a_safe_surface_is_seen_and_an_empty_picture_is_told(files, capsys):
+    surfel.bound(surfel.read("ball.ply"), shape=(6, 6)).save("lid.npz")
+    assert main(["render", "ball.ply", "lid.npz", "-o", "lid.png", "--size", "80x60"]) == 0
+    assert "nothing" not in capsys.readouterr().err
+    assert (
+        main(
+            ["render", "lid.npz", "-o", "no.png", "--size", "8x6", "--eye", "9", "9", "9", "--target", "99", "99", "99"]
+        )
+        == 0
+    )
+    assert "nothing is to be seen" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("more", "said"),
     [
@@ -53,6 +77,7 @@ def test_the_reference_and_parallel_lines_are_drawn(files):
         (["-o", "x.png", "--op", "blend"], "--op"),
         (["-o", "x.png", "--target", "0", "0", "0"], "--eye"),
         (["-o", "x.nonsense"], "format"),
+        (["-o", "x.png", "--up", "w"], "--up"),
         (["-o", "no/folder/x.png"], "no/folder"),
     ],
 )

@@ -299,6 +299,13 @@ def test_wrong_choices_are_refused_before_anybody_listens(wrong, monkeypatch):
         surfel.view(surfel.Sphere(1), port=0, **wrong)
 
 
+@pytest.mark.parametrize("host", ["192.0.2.1", "no such host", "x" * 70])
+def test_addresses_of_others_are_refused(host):
+    pytest.importorskip("viser")
+    with pytest.raises(surfel.InputError, match="cannot listen on"):
+        surfel.view(surfel.Sphere(1), host=host, port=0)
+
+
 def test_the_probe_is_an_image_whose_script_survives_quoting():
     from html.parser import HTMLParser
 

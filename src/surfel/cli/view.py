@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surfel.cli.options import Quiet, ReadAs, as_form
+from surfel.cli.seeing import Up, as_axis, read_to_see
 
 if TYPE_CHECKING:
     from surfel.shapes.base import Shape
 
 
 def view(
-    files: Annotated[list[str], typer.Argument(metavar="FILE ...", help="Clouds, meshes and CSG trees.")],
+    files: Annotated[list[str], typer.Argument(metavar="FILE ...", help="Clouds, meshes, CSG trees, safe surfaces.")],
     as_: ReadAs = None,
     html: Annotated[
         str | None, typer.Option(metavar="OUT", help="Write one page that needs no server, in place of serving one.")
@@ -24,20 +25,20 @@ def view(
     draw: Annotated[
         str, typer.Option(metavar="auto|browser|server", help="Who draws; auto spares browsers without graphics cards.")
     ] = "auto",
-    up: Annotated[str, typer.Option(metavar="x|y|z", help="Which axis points up.")] = "z",
+    up: Up = "z",
     open_: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
     quiet: Quiet = False,
 ) -> None:
     """Show solids in the browser, where they can be moved and combined; area and volume follow."""
     from surfel.cli.output import Output
 
-    form = as_form(as_)
+    form, up = as_form(as_), as_axis(up)
 
     import surfel
 
     with Output(False, quiet) as output:
         with output.work():
-            shapes = [surfel.read(file, as_=form) for file in files]
+            shapes = [read_to_see(file, form) for file in files]
         names = [name for file, shape in zip(files, shapes, strict=True) for name in _names(shape, Path(file).stem)]
         if html is not None:
             from surfel.viewer.view import write_html

@@ -70,20 +70,17 @@ def lists_at(
     slot[pixels] = np.arange(len(pixels), dtype=np.int32)
     across = -(-view.width // TILE)
     tiles = np.unique((pixels // view.width // TILE) * across + pixels % view.width // TILE)
-    counts, starts = np.zeros(m, np.int64), np.zeros(m + 1, np.int64)
-    found = _room(starts, counts, 0)
+    room, first = np.zeros(len(tiles), np.int64), np.zeros(len(tiles) + 1, np.int64)
     with threads_for(100 * m):
-        for known in (False, True):  # counted first, then stored
-            _gather(len(tiles), tiles, disks, placed, motions, view, slot, offsets, known, *found)
-            if not known:
-                np.cumsum(counts, out=starts[1:])
-                counts[:] = 0
-                found = _room(starts, counts, int(starts[-1]))
+        _bound(len(tiles), tiles, placed, view, slot, offsets, room)
+        np.cumsum(room, out=first[1:])
+        most = int(first[-1])
+        found = Lists(
+            np.zeros(m, np.int64), np.zeros(m, np.int64),
+            np.empty(most, np.float32), np.empty(most, np.float32), np.empty(most, np.int32),
+        )  # fmt: skip
+        _gather(len(tiles), tiles, disks, placed, motions, view, slot, offsets, first, *found)
     return found
-
-
-def _room(starts: NDArray[np.int64], counts: NDArray[np.int64], number: int) -> Lists:
-    return Lists(starts, counts, np.empty(number, np.float32), np.empty(number, np.float32), np.empty(number, np.int32))
 
 
 def layers_of(disks: Disks, placed: Placed, motions: NDArray[np.float32], view: View, lists: Lists) -> Layers:
@@ -126,11 +123,55 @@ def _listed(slot, left, right, top, bottom, width, offsets, begins, sums, lines,
         sums[at + np.uint64(TILE + 1) + x] = sums[at + x] + total
 
 
+@inlined
+def _touched(i, box, left, right, top, bottom, sums):
+    """Return the part of a tile that a splat may fall on, its border moved out, and how many chosen pixels it holds."""
+    # places lie up to half a pixel off the centres that the box was rounded to
+    stride = np.uint64(TILE + 1)
+    x0 = np.uint64(max(left, np.int64(box[i, 0]) - 1) - left)
+    x1 = np.uint64(min(right, np.int64(box[i, 1]) + 1) - left + 1)
+    y0 = np.uint64(max(top, np.int64(box[i, 2]) - 1) - top) * stride
+    y1 = np.uint64(min(bottom, np.int64(box[i, 3]) + 1) - top + 1) * stride
+    return x0, x1, y0, y1, sums[y1 + x1] - sums[y1 + x0] - sums[y0 + x1] + sums[y0 + x0]
+
+
+@rows
+def _bound(first, last, tiles, placed, view, slot, offsets, room):
+    """Tell how many fragments there are at most in some tiles."""
+    box, runs, entries, width, height = placed.box, placed.starts, placed.entries, view.width, view.height
+    across, most = -(-width // TILE), TILE * TILE * len(offsets) + LANES
+    begins, sums = np.empty(TILE * (TILE + 1), np.int32), np.zeros((TILE + 1) * (TILE + 1), np.int32)
+    lines, xs, ys = np.empty(most, np.int64), np.empty(most, np.float32), np.empty(most, np.float32)
+    for t in range(first, last):
+        tile = tiles[t]
+        left, top = (tile % across) * TILE, (tile // across) * TILE
+        right, bottom = min(left + TILE, width) - 1, min(top + TILE, height) - 1
+        _listed(slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys)
+        total = 0
+        for entry in range(runs[2 * tile], runs[2 * tile + 2]):
+            total += _touched(np.uint64(entries[entry]), box, left, right, top, bottom, sums)[4]
+        room[t] = total * len(offsets)
+
+
 @rows
 def _gather(
-    first, last, tiles, disks, placed, motions, view, slot, offsets, storing, starts, counts, out_z, out_weight, out_who
+    first,
+    last,
+    tiles,
+    disks,
+    placed,
+    motions,
+    view,
+    slot,
+    offsets,
+    begin_of,
+    starts,
+    counts,
+    out_z,
+    out_weight,
+    out_who,
 ):
-    """Count the fragments at the places in some tiles, or store them."""
+    """Store the fragments at the places in some tiles, place after place."""
     box, runs, entries = placed.box, placed.starts, placed.entries
     points, normals, radii, bends = disks.points, disks.normals, disks.radii, disks.bends
     flags, leaf, clips, planes, own = disks.flags, disks.leaf, disks.clips, disks.planes, disks.axes
@@ -147,14 +188,13 @@ def _gather(
         left, top = (tile % across) * TILE, (tile // across) * TILE
         right, bottom = min(left + TILE, width) - 1, min(top + TILE, height) - 1
         _listed(slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys)
+        room, found = begin_of[t + 1] - begin_of[t], 0
+        z_here, weight_here = np.empty(room, np.float32), np.empty(room, np.float32)
+        who_here, line_here = np.empty(room, np.int32), np.empty(room, np.int64)
         for entry in range(runs[2 * tile], runs[2 * tile + 2]):
             i = np.uint64(entries[entry])
-            # places lie up to half a pixel off the centres that the box was rounded to
-            x0 = np.uint64(max(left, np.int64(box[i, 0]) - 1) - left)
-            x1 = np.uint64(min(right, np.int64(box[i, 1]) + 1) - left + 1)
-            y0 = np.uint64(max(top, np.int64(box[i, 2]) - 1) - top) * stride
-            y1 = np.uint64(min(bottom, np.int64(box[i, 3]) + 1) - top + 1) * stride
-            if sums[y1 + x1] - sums[y1 + x0] - sums[y0 + x1] + sums[y0 + x0] == 0:
+            x0, x1, y0, y1, touched = _touched(i, box, left, right, top, bottom, sums)
+            if touched == 0:
                 continue
             m, r, odd = leaf[i], radii[i], flags[i] & special
             ez = depth_of(i, m, points, motions)
@@ -178,12 +218,20 @@ def _gather(
                     for h in range(min(LANES, end - begin)):
                         if not lanes[h] < _ONE:
                             continue
-                        line = lines[begin + h]
-                        if storing:
-                            at = starts[line] + counts[line]
-                            out_z[at], out_who[at] = lanes[LANES + h], i
-                            out_weight[at] = (_ONE - lanes[h]) * (_ONE - lanes[h]) + LEAST
-                        counts[line] += 1
+                        z_here[found], who_here[found], line_here[found] = lanes[LANES + h], i, lines[begin + h]
+                        weight_here[found] = (_ONE - lanes[h]) * (_ONE - lanes[h]) + LEAST
+                        counts[lines[begin + h]] += 1
+                        found += 1
+        at = begin_of[t]
+        for k in range(begins[(TILE + 1) * (bottom - top) + right + 1 - left]):
+            starts[lines[k]] = at
+            at += counts[lines[k]]
+            counts[lines[k]] = 0
+        for k in range(found):
+            line = line_here[k]
+            at = starts[line] + counts[line]
+            out_z[at], out_weight[at], out_who[at] = z_here[k], weight_here[k], who_here[k]
+            counts[line] += 1
 
 
 @rows

@@ -42,7 +42,7 @@ class ClipBuffer(Frame):
 
     def _clip(self, lists: Lists) -> None:
         """Take out the fragments of edge surfels that their partners on the same pixel clip."""
-        row = np.repeat(lists.starts[:-1], lists.counts)
+        row = np.repeat(lists.starts, lists.counts)
         row = row + np.arange(len(row)) - np.repeat(np.cumsum(lists.counts) - lists.counts, lists.counts)
         edge = row[self.disks.flags[lists.who[row]] & EDGE != 0]
         leaf = self.disks.leaf[lists.who[edge]]

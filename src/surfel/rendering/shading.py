@@ -58,7 +58,8 @@ def developed(seen: Fragments, view: View, background: NDArray[np.uint8]) -> Dev
     grid = (seen.depth.reshape(shape), seen.normal.reshape(*shape, 3), seen.color.reshape(*shape, 3))
     radius = max(3.0, _REACH * view.height)
     rim = int(radius) + 1
-    wide = np.full((view.height + 2 * rim, view.width + 2 * rim + LANES), np.inf, np.float32)
+    wide = np.empty((view.height + 2 * rim, view.width + 2 * rim + LANES), np.float32)
+    wide[:rim] = wide[-rim:] = wide[:, :rim] = wide[:, rim + view.width :] = np.inf
     wide[rim : rim + view.height, rim : rim + view.width] = grid[0]
     with threads_for(30 * len(seen)):
         _develop(

@@ -33,32 +33,23 @@ def silhouettes(seen: Fragments, view: View) -> NDArray[np.int64]:
 
 @rows
 def _find(first, last, depth, normal, leaf, view, edge):
-    """Compare rows with their neighbours; loops along a row have no branches, so that they become vectors."""
-    height, width = view.height, view.width
-    slope, middle, size = view.slope, view.depth, view.size
-    for y in range(first, last):
-        begin, end = width, 0
-        for v in range(max(y - 1, 0), min(y + 2, height)):
-            x = 0
-            while x < begin and leaf[v * width + x] < 0:
-                x += 1
-            begin, x = x, width
-            while x > end and leaf[v * width + x - 1] < 0:
-                x -= 1
-            end = x
-        begin, end = max(begin - 1, 0), min(end + 1, width)
-        for k in range(4):
-            h, v = (1 if k == 0 else -1 if k == 1 else 0), y + (1 if k == 2 else -1 if k == 3 else 0)
-            if v < 0 or v >= height:
-                continue
-            low, high = max(begin, -h), min(end, width - h)
-            here, there = np.uint64(y * width + low), np.uint64(v * width + low + h)
-            for x in range(np.uint64(max(high - low, 0))):
-                p, q = here + x, there + x
+    """Compare pixels with those to the right of them and below; marks are only set, so threads may share a row."""
+    height, width = np.uint64(view.height), np.uint64(view.width)
+    slope, middle, size, one = view.slope, view.depth, view.size, np.uint64(1)
+    for y in range(np.uint64(first), np.uint64(last)):
+        for x in range(width):
+            p = y * width + x
+            for k in range(2):
+                if (x + one == width) if k == 0 else (y + one == height):
+                    continue
+                q = p + one if k == 0 else p + width
+                if leaf[p] != leaf[q]:
+                    edge[p] = edge[q] = True
+                    continue
+                if leaf[p] < 0:
+                    continue
                 cosine = normal[p, 0] * normal[q, 0] + normal[p, 1] * normal[q, 1] + normal[p, 2] * normal[q, 2]
-                pixel = (middle + depth[p]) * slope if slope > _ZERO else size
-                one, other = abs(normal[p, 2]), abs(normal[q, 2])
-                flat = one if one < other else other
-                flat = flat if flat > _LEAST else _LEAST
-                bent = (cosine < _BEND) | (abs(depth[q] - depth[p]) * flat > _JUMP * pixel)
-                edge[p] |= (leaf[q] != leaf[p]) | ((leaf[p] >= 0) & bent)
+                pixel = (middle + min(depth[p], depth[q])) * slope if slope > _ZERO else size
+                flat = max(min(abs(normal[p, 2]), abs(normal[q, 2])), _LEAST)
+                if cosine < _BEND or abs(depth[q] - depth[p]) * flat > _JUMP * pixel:
+                    edge[p] = edge[q] = True

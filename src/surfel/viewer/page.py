@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import socket
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -31,12 +32,21 @@ def start_server(host: str, port: int) -> Any:
         raise MissingExtraError("viser", "view") from error
     import logging
 
+    _check_address(host)
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
+    with contextlib.redirect_stdout(io.StringIO()):  # it greets on the standard output, which is not its own
+        return viser.ViserServer(host=host, port=port, label="surfel", verbose=False)
+
+
+def _check_address(host: str) -> None:
+    """Refuse an address that is not this computer's, for which the server would wait without end."""
     try:
-        with contextlib.redirect_stdout(io.StringIO()):  # it greets on the standard output, which is not its own
-            return viser.ViserServer(host=host, port=port, label="surfel", verbose=False)
-    except OSError as error:
-        raise InputError(f"cannot listen on {host}:{port}: {error.strerror or error}; choose another port") from error
+        family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as trial:
+            trial.bind(address)
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot listen on {host!r}: {reason}; take an address of this computer") from error
 
 
 def stop_server(server: Any) -> None:
