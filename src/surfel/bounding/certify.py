@@ -23,7 +23,7 @@ from surfel.bounding.compare import AXIS_Z, BLOCK, CONSTANTS, RESIDUAL, ROWS, SP
 from surfel.bounding.evaluate import value_at
 from surfel.bounding.frame import Frame, project
 from surfel.bounding.occupancy import Quarters, inside_trim
-from surfel.bounding.order import Order, gather_points, set_cell
+from surfel.bounding.order import Order, set_cell
 from surfel.bounding.residuals import Residuals
 from surfel.core.cast import Floats
 
@@ -167,9 +167,8 @@ def _largest_gap(p, f, b, sign, rank, starts, block, cells, limits):
                 begin, end = starts[part, row, cell], starts[part, row, cell + 1]
                 for at in range(begin, end, BLOCK):
                     here = min(BLOCK, end - at)
-                    gather_points(flat, first, rank, at, here, w)
                     for i in range(0, here, 8):
-                        compare_eight(w, i, c, marks, sums)
+                        compare_eight(flat, rank, first, at, here, w, i, c, marks, sums)
                     for i in range(here):
                         largest = max(largest, -w[RESIDUAL * BLOCK + i])
     return largest

@@ -14,14 +14,24 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from surfel.bounding.vectors import EIGHT_WHOLE, I32, I64, Flat, Lanes, every, pick_of_two, three
+from surfel.bounding.vectors import (
+    EIGHT_WHOLE,
+    I32,
+    I64,
+    Flat,
+    Lanes,
+    every,
+    pick_of_two,
+    three,
+    whole_eight,
+)
 
 BLOCK = 120
 """Points that are worked on together: their scratch stays in the first cache. No power of two: the rows would then meet
 in the same few places of that cache."""
 
-ROWS = 8
-X, Y, Z, COUNTED, LOCAL_U, LOCAL_V, HEIGHT, RESIDUAL = range(ROWS)
+ROWS = 4
+LOCAL_U, LOCAL_V, HEIGHT, RESIDUAL = range(ROWS)
 
 AXIS_U, AXIS_V, AXIS_Z, LOW_U, LOW_V, SCALE_U, SCALE_V, CELL_U, CELL_V = 0, 3, 6, 9, 10, 11, 12, 13, 14
 CELLS_U, CELLS_V = 13, 14
@@ -65,50 +75,57 @@ def micro_cells_of_eight(typing, p, at, f, split, places, w, lane):  # type: ign
 
 
 @intrinsic
-def place_eight(typing, w, lane, c):  # type: ignore[no-untyped-def]
-    """Fill LOCAL_U, LOCAL_V and HEIGHT for eight points of one cell whose coordinates are given."""
+def place_eight(typing, p, rank, first, at, count, w, lane, c):  # type: ignore[no-untyped-def]
+    """Fill LOCAL_U, LOCAL_V and HEIGHT for eight of the ``count`` points of one cell that are worked on.
+
+    They are those of number ``first + rank[first + at + lane]`` and the seven that follow in ``rank``.
+    """
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows, cell = (Flat(context, builder, signature.args[i], values[i]) for i in (0, 2))
-        _placed(rows, cell, values[1])
+        flat, rank, rows, cell = (Flat(context, builder, signature.args[i], values[i]) for i in (0, 1, 5, 7))
+        _placed(flat, rank, values[2], values[3], values[4], rows, values[6], cell)
         return context.get_dummy_value()
 
-    return types.void(w, types.int64, c), generate
+    i = types.int64
+    return types.void(p, rank, i, i, i, w, i, c), generate
 
 
 @intrinsic
-def compare_eight(typing, w, lane, c, marks, sums):  # type: ignore[no-untyped-def]
-    """Fill the rows behind COUNTED for eight points of one cell whose coordinates are given.
+def compare_eight(typing, p, rank, first, at, count, w, lane, c, marks, sums):  # type: ignore[no-untyped-def]
+    """Fill all rows for eight points of one cell, as :func:`place_eight` takes them.
 
     ``marks[lane]`` is where each point's micro-cell lies, counted from the cell's first in rows of WIDE; in
     ``marks[BLOCK : BLOCK + 8]`` the quarters of the cell are collected. Rows SUM_Z, SUM_R, LEAST_R of ``sums`` go on.
     """
-    return types.void(w, types.int64, c, marks, sums), _comparison(weigh=False)
+    i = types.int64
+    return types.void(p, rank, i, i, i, w, i, c, marks, sums), _comparison(weigh=False)
 
 
 @intrinsic
-def compare_and_weigh_eight(typing, w, lane, c, marks, sums):  # type: ignore[no-untyped-def]
-    """Compare, and add the 16 products of six times the weights of the points that are COUNTED to rows 0 to 15."""
-    return types.void(w, types.int64, c, marks, sums), _comparison(weigh=True)
+def compare_and_weigh_eight(typing, p, rank, first, at, count, w, lane, c, marks, sums):  # type: ignore[no-untyped-def]
+    """Compare, and add the 16 products of six times the weights of the points to rows 0 to 15."""
+    i = types.int64
+    return types.void(p, rank, i, i, i, w, i, c, marks, sums), _comparison(weigh=True)
 
 
 def _comparison(*, weigh: bool) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows, cell, whole, total = (Flat(context, builder, signature.args[i], values[i]) for i in (0, 2, 3, 4))
-        lane = values[1]
-        s, t, height = _placed(rows, cell, lane)
+        flat, rank, rows, cell, whole, total = (
+            Flat(context, builder, signature.args[i], values[i]) for i in (0, 1, 5, 7, 8, 9)
+        )
+        lane = values[6]
+        counted, s, t, height = _placed(flat, rank, values[2], values[3], values[4], rows, lane, cell)
         along_u, along_v = _weights(s), _weights(t)
         residual = height - _value(cell, along_u, along_v)
         rows.put(_row(builder, RESIDUAL, lane), residual)
         a, b = (_part(local, cell.one(SPLIT)) for local in (s, t))
         whole.put_whole(lane, a.times_plus(cell.one(WIDE), b).whole())
         whole.put_whole(BLOCK, builder.or_(whole.eight_whole(BLOCK), _quarters(builder, s, t)))
-        counted = rows.eight(_row(builder, COUNTED, lane))
-        total.put(8 * SUM_Z, counted.times_plus(height, total.eight(8 * SUM_Z)))
-        total.put(8 * SUM_R, counted.times_plus(residual, total.eight(8 * SUM_R)))
+        total.put(8 * SUM_Z, total.eight(8 * SUM_Z) + height.where(counted, 0.0))
+        total.put(8 * SUM_R, total.eight(8 * SUM_R) + residual.where(counted, 0.0))
         total.put(8 * LEAST_R, residual.least(total.eight(8 * LEAST_R)))
         if weigh:
-            along_v = [counted * weight for weight in along_v]
+            along_v = [weight.where(counted, 0.0) for weight in along_v]
             for i in range(4):
                 for j in range(4):
                     at = 8 * (4 * i + j)
@@ -118,15 +135,28 @@ def _comparison(*, weigh: bool) -> Any:
     return generate
 
 
-def _placed(rows: Flat, cell: Flat, lane: Any) -> tuple[Lanes, Lanes, Lanes]:
-    """Fill the local coordinates and the height for eight points, and return them."""
-    x, y, z = (rows.eight(_row(rows.builder, number, lane)) for number in (X, Y, Z))
+def _placed(
+    flat: Flat, rank: Flat, first: Any, at: Any, count: Any, rows: Flat, lane: Any, cell: Flat
+) -> tuple[Any, Lanes, Lanes, Lanes]:
+    """Fill the local coordinates and the height for eight points; return which there are, and these three."""
+    builder = rows.builder
+    counted = builder.icmp_signed(
+        "<", builder.add(every(builder, lane), whole_eight(list(range(8)))), every(builder, count)
+    )
+    begin, last = builder.add(first, at), builder.sub(count, ir.Constant(I64, 1))
+    places = []
+    for i in range(8):  # lanes behind the last point repeat it
+        number = builder.add(lane, ir.Constant(I64, i))
+        number = builder.select(builder.icmp_signed("<", number, last), number, last)
+        ranked = builder.load(builder.gep(rank.data, [builder.add(begin, number)]), align=4, typ=I32)
+        places.append(builder.mul(builder.add(first, builder.sext(ranked, I64)), ir.Constant(I64, 3)))
+    x, y, z = (flat.taken([builder.add(place, ir.Constant(I64, axis)) for place in places]) for axis in range(3))
     s = _place(cell, AXIS_U, LOW_U, SCALE_U, x, y, z) - cell.one(CELL_U)
     t = _place(cell, AXIS_V, LOW_V, SCALE_V, x, y, z) - cell.one(CELL_V)
     height = _along(cell, AXIS_Z, x, y, z)
     for number, lanes in ((LOCAL_U, s), (LOCAL_V, t), (HEIGHT, height)):
-        rows.put(_row(rows.builder, number, lane), lanes)
-    return s, t, height
+        rows.put(_row(builder, number, lane), lanes)
+    return counted, s, t, height
 
 
 def _row(builder: Any, number: int, lane: Any) -> Any:

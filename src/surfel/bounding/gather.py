@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from surfel._numba import kernel
-from surfel.bounding.frame import Frame
+from surfel._numba import kernel, rows, threads_for
+from surfel.bounding.compare import micro_cells_of_eight
+from surfel.bounding.evaluate import cell_of
+from surfel.bounding.frame import Frame, project
+from surfel.bounding.order import HALVED
 from surfel.bounding.passes import LARGEST, no_points, survey
 from surfel.bounding.reference import by_cells
 from surfel.bounding.source import Source
@@ -51,8 +54,17 @@ class Gathered:
             self._begin()
         while not self._fits():
             self._double()
-        grid = np.concatenate([self.rotation.ravel(), self._low, 1.0 / self._step])
-        _keep(chunk, grid, self.sign, self._place, self._height, self._count)
+        grid = np.concatenate([self.rotation.ravel(), self._low, 1.0 / self._step, self._height.shape])
+        parts = 2 if len(chunk) >= HALVED else 1  # wherever there are threads or not
+        place, count = (np.zeros((parts, *a.shape)) for a in (self._place, self._count))
+        height = np.repeat(self._height[None], parts, axis=0)
+        with threads_for(len(chunk)):
+            _keep(parts, chunk, grid, self.sign, place, height, count)
+        for part in range(parts):
+            higher = height[part] > self._height
+            np.copyto(self._height, height[part], where=higher)
+            np.copyto(self._place, place[part], where=higher[..., None])
+            self._count += count[part]
 
     def over(self, frame: Frame, split: int) -> tuple[Floats, Floats, Floats]:
         """Return the highest points of the micro-cells of a frame, sorted by cell: ``uv (k, 2)``, heights, counts."""
@@ -125,20 +137,30 @@ def _joined(place: Floats, height: Floats, count: Floats, axis: int, shift: int)
     return first, second, third
 
 
-@kernel
-def _keep(p, f, sign, place, height, count):
-    last_a, last_b = height.shape[0] - 1, height.shape[1] - 1
-    for i in range(p.shape[0]):
-        x, y, z = p[i, 0], p[i, 1], p[i, 2]
-        u = f[0] * x + f[1] * y + f[2] * z
-        v = f[3] * x + f[4] * y + f[5] * z
-        h = sign * (f[6] * x + f[7] * y + f[8] * z)
-        a = min(max(np.int64((u - f[9]) * f[11]), 0), last_a)
-        b = min(max(np.int64((v - f[10]) * f[12]), 0), last_b)
-        count[a, b] += 1.0
-        if h > height[a, b]:
-            height[a, b] = h
-            place[a, b, 0], place[a, b, 1] = u, v
+@rows
+def _keep(begin, end, p, f, sign, place, height, count):
+    flat, z, cells = p.ravel(), np.empty(8), np.empty(8, np.int32)
+    n, m = np.int64(f[13]), np.int64(f[14])
+    for part in range(begin, end):
+        where, high, many = place[part].ravel(), height[part].ravel(), count[part].ravel()
+        last = p.shape[0] * (part + 1) // len(height)
+        for first in range(p.shape[0] * part // len(height), last, 8):
+            here = min(8, last - first)
+            if here == 8:
+                micro_cells_of_eight(flat, 3 * first, f, 1.0, cells, z, 0)
+            else:
+                for i in range(here):
+                    q = 3 * (first + i)
+                    u, v, z[i] = project(f, flat[q], flat[q + 1], flat[q + 2])
+                    cells[i] = np.int32(cell_of(u, n) * m + cell_of(v, m))
+            for i in range(here):
+                cell = np.int64(cells[i])
+                many[cell] += 1.0
+                if sign * z[i] > high[cell]:
+                    high[cell] = sign * z[i]
+                    q = 3 * (first + i)
+                    where[2 * cell] = f[0] * flat[q] + f[1] * flat[q + 1] + f[2] * flat[q + 2]
+                    where[2 * cell + 1] = f[3] * flat[q] + f[4] * flat[q + 1] + f[5] * flat[q + 2]
 
 
 @kernel

@@ -23,7 +23,7 @@ Duals = tuple[Rows, Floats, Floats]
 SPLIT = 4
 """Micro-cells along the side of a cell, at most; fewer where a micro-cell would have hardly a point."""
 
-ENOUGH = 8
+ENOUGH = 16
 """Points a micro-cell among which its highest is sought in an array; a fit is safe with any choice of them."""
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel._numba import inlined, inner
-from surfel.bounding.compare import BLOCK, CELL_U, CELL_V, CELLS_U, CELLS_V, COUNTED, NET, cells_of_eight
+from surfel.bounding.compare import CELL_U, CELL_V, CELLS_U, CELLS_V, NET, cells_of_eight
 from surfel.bounding.evaluate import cell_of
 from surfel.bounding.frame import Frame, project
 
@@ -93,18 +93,6 @@ def fetch_block(p, first, count):
     for at in range(3 * first, 3 * (first + count), 8):
         total += p[at]
     return total
-
-
-@inlined
-def gather_points(p, first, rank, at, count, w):
-    """Fill X, Y, Z and COUNTED for ``count`` points; lanes up to the next multiple of eight repeat the last one."""
-    for i in range(count):
-        q = 3 * (first + np.int64(rank[first + at + i]))
-        w[i], w[BLOCK + i], w[2 * BLOCK + i] = p[q], p[q + 1], p[q + 2]
-        w[COUNTED * BLOCK + i] = 1.0
-    for i in range(count, -(-count // 8) * 8):
-        w[i], w[BLOCK + i], w[2 * BLOCK + i] = w[count - 1], w[BLOCK + count - 1], w[2 * BLOCK + count - 1]
-        w[COUNTED * BLOCK + i] = 0.0
 
 
 @inlined

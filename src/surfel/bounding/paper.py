@@ -16,7 +16,7 @@ from surfel.bounding.corners import over_corners
 from surfel.bounding.enclosure import second
 from surfel.bounding.frame import Frame
 from surfel.bounding.job import Job, Outcome
-from surfel.bounding.order import Order, fetch_block, gather_points, sort_block
+from surfel.bounding.order import Order, fetch_block, sort_block
 from surfel.bounding.scattered import AGREED, nearest, scattered
 from surfel.core.cast import Floats, Integers
 
@@ -166,9 +166,8 @@ def _look_at(p, f, sign, corner, is_open, rank, starts, block, known, worst, pla
                 least -= 1e-14 * abs(least)
                 for at in range(begins[cell], begins[cell + 1], BLOCK):
                     here = min(BLOCK, begins[cell + 1] - at)
-                    gather_points(flat, first, rank, at, here, w)
                     for i in range(0, here, 8):
-                        place_eight(w, i, c)
+                        place_eight(flat, rank, first, at, here, w, i, c)
                     for i in range(here):
                         z = w[HEIGHT * BLOCK + i]
                         if z <= least:

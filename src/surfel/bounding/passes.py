@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfel._numba import inlined, kernel
+from surfel._numba import inlined, kernel, rows, threads_for
 from surfel.bounding.compare import BLOCK, micro_cells_of_eight
 from surfel.bounding.evaluate import cell_of
 from surfel.bounding.frame import Frame, project
 from surfel.bounding.lanes import stretch
+from surfel.bounding.order import HALVED
 from surfel.core.cast import Floats
 
 LARGEST = 1e300
@@ -24,17 +25,20 @@ def survey(points: Floats, rotation: Floats) -> tuple[bool, Floats, Floats]:
     """Return whether all is finite, and the box of the rotated coordinates (lowest, highest; three numbers each)."""
     axes = np.abs(rotation).argmax(axis=1)
     along = rotation[np.arange(3), axes]
-    if (np.abs(along) == 1.0).all() and np.count_nonzero(rotation) == 3:  # the axes themselves, in some order
-        lanes = np.zeros((3, 8, 3))
-        lanes[0], lanes[1] = np.inf, -np.inf
-        _stretch(points, lanes.ravel())
-        ends = np.stack([along * lanes[0].min(axis=0)[axes], along * lanes[1].max(axis=0)[axes]])
-        lowest, highest, odd = ends.min(axis=0), ends.max(axis=0), lanes[2]
-    else:
-        lanes = np.empty((7, BLOCK))
-        lanes[:3], lanes[3:6], lanes[6] = np.inf, -np.inf, 0.0
-        _survey(points, rotation.ravel().copy(), lanes.ravel())
-        lowest, highest, odd = lanes[:3].min(axis=1), lanes[3:6].max(axis=1), lanes[6]
+    parts = 2 if len(points) >= HALVED else 1
+    with threads_for(len(points)):
+        if (np.abs(along) == 1.0).all() and np.count_nonzero(rotation) == 3:  # the axes themselves, in some order
+            lanes = np.zeros((parts, 3, 8, 3))
+            lanes[:, 0], lanes[:, 1] = np.inf, -np.inf
+            _stretch(parts, points, lanes.reshape(parts, -1))
+            low, high = lanes[:, 0].min(axis=(0, 1)), lanes[:, 1].max(axis=(0, 1))
+            ends = np.stack([along * low[axes], along * high[axes]])
+            lowest, highest, odd = ends.min(axis=0), ends.max(axis=0), lanes[:, 2]
+        else:
+            lanes = np.empty((parts, 7, BLOCK))
+            lanes[:, :3], lanes[:, 3:6], lanes[:, 6] = np.inf, -np.inf, 0.0
+            _survey(parts, points, rotation.ravel().copy(), lanes.reshape(parts, -1))
+            lowest, highest, odd = lanes[:, :3].min(axis=(0, 2)), lanes[:, 3:6].max(axis=(0, 2)), lanes[:, 6]
     usable = bool((odd == 0.0).all()) and bool(max(np.abs(lowest).max(), np.abs(highest).max()) <= LARGEST)
     return usable, lowest, highest
 
@@ -69,36 +73,42 @@ def keep_highest(highest: Highest, points: Floats, frame: Frame, sign: float, ev
     _keep_highest(points, frame.numbers(), sign, np.int64(every), np.int64(highest.split), highest.uv, highest.height)
 
 
-@kernel
-def _stretch(p, lanes):
+@rows
+def _stretch(begin, end, p, every):
     flat = p.ravel()
-    whole = flat.shape[0] - flat.shape[0] % 24
-    for at in range(0, whole, 24):
-        stretch(flat, at, lanes)
-    for at in range(whole, flat.shape[0]):
-        x, i = flat[at], at - whole
-        lanes[i], lanes[24 + i] = min(lanes[i], x), max(lanes[24 + i], x)
-        lanes[48 + i] += x - x
+    for part in range(begin, end):
+        lanes = every[part]
+        first = 3 * (p.shape[0] * part // every.shape[0])
+        last = 3 * (p.shape[0] * (part + 1) // every.shape[0])
+        whole = last - (last - first) % 24
+        for at in range(first, whole, 24):
+            stretch(flat, at, lanes)
+        for at in range(whole, last):
+            x, i = flat[at], at - whole
+            lanes[i], lanes[24 + i] = min(lanes[i], x), max(lanes[24 + i], x)
+            lanes[48 + i] += x - x
 
 
-@kernel
-def _survey(p, r, lanes):
+@rows
+def _survey(begin, end, p, r, every):
     # Lanes of a block keep extremes of their own: a running minimum of one number would not be vectorized.
     r0, r1, r2, r3, r4, r5, r6, r7, r8 = r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]
-    for first in range(0, p.shape[0], BLOCK):
-        q = p[first : first + BLOCK]
-        for i in range(q.shape[0]):
-            a, b, c = q[i, 0], q[i, 1], q[i, 2]
-            x = r0 * a + r1 * b + r2 * c
-            y = r3 * a + r4 * b + r5 * c
-            z = r6 * a + r7 * b + r8 * c
-            lanes[i] = x if x < lanes[i] else lanes[i]
-            lanes[BLOCK + i] = y if y < lanes[BLOCK + i] else lanes[BLOCK + i]
-            lanes[2 * BLOCK + i] = z if z < lanes[2 * BLOCK + i] else lanes[2 * BLOCK + i]
-            lanes[3 * BLOCK + i] = x if x > lanes[3 * BLOCK + i] else lanes[3 * BLOCK + i]
-            lanes[4 * BLOCK + i] = y if y > lanes[4 * BLOCK + i] else lanes[4 * BLOCK + i]
-            lanes[5 * BLOCK + i] = z if z > lanes[5 * BLOCK + i] else lanes[5 * BLOCK + i]
-            lanes[6 * BLOCK + i] += (x - x) + (y - y) + (z - z)
+    for part in range(begin, end):
+        lanes, last = every[part], p.shape[0] * (part + 1) // every.shape[0]
+        for first in range(p.shape[0] * part // every.shape[0], last, BLOCK):
+            q = p[first : min(first + BLOCK, last)]
+            for i in range(q.shape[0]):
+                a, b, c = q[i, 0], q[i, 1], q[i, 2]
+                x = r0 * a + r1 * b + r2 * c
+                y = r3 * a + r4 * b + r5 * c
+                z = r6 * a + r7 * b + r8 * c
+                lanes[i] = x if x < lanes[i] else lanes[i]
+                lanes[BLOCK + i] = y if y < lanes[BLOCK + i] else lanes[BLOCK + i]
+                lanes[2 * BLOCK + i] = z if z < lanes[2 * BLOCK + i] else lanes[2 * BLOCK + i]
+                lanes[3 * BLOCK + i] = x if x > lanes[3 * BLOCK + i] else lanes[3 * BLOCK + i]
+                lanes[4 * BLOCK + i] = y if y > lanes[4 * BLOCK + i] else lanes[4 * BLOCK + i]
+                lanes[5 * BLOCK + i] = z if z > lanes[5 * BLOCK + i] else lanes[5 * BLOCK + i]
+                lanes[6 * BLOCK + i] += (x - x) + (y - y) + (z - z)
 
 
 @inlined

@@ -18,7 +18,10 @@ from surfel.bounding.roots import STACK, WIDTH, zeros
 from surfel.core.cast import Floats
 from surfel.core.execute import blocks
 
-_SLOTS = 4
+_SLOTS = 16
+"""Hits of a line for which there is room at first; lines with more are walked anew."""
+
+_BLOCK = 1 << 17
 _NETS = 1 << 18
 _WEIGHT = 20  # a line costs as much as so many plain items
 
@@ -68,19 +71,19 @@ def find_hits(sheet: Sheet, origins: Floats, directions: Floats, start: float, *
     Hits
         For every line.
     """
-    count = len(origins)
-    if first_only:
-        found, t = _trace(sheet, origins, directions, start, 1)
-        found = np.minimum(found, 1)
-        return _packed(found, t)
-    found, t = _trace(sheet, origins, directions, start, _SLOTS)
-    if not count or int(found.max()) <= _SLOTS:
-        return _packed(found, t)
-    many = np.flatnonzero(found > _SLOTS)
-    wide = np.full((count, int(found.max())), np.nan)
-    wide[:, :_SLOTS] = t
-    wide[many] = _trace(sheet, origins[many], directions[many], start, wide.shape[1])[1]
-    return _packed(found, wide)
+    slots, parts = 1 if first_only else _SLOTS, []
+    for first, last in blocks(len(origins), _BLOCK):
+        found, t = _trace(sheet, origins[first:last], directions[first:last], start, slots)
+        if first_only:
+            found = np.minimum(found, 1)
+        elif int(found.max()) > slots:
+            many, few = np.flatnonzero(found > slots), t
+            t = np.empty((last - first, int(found.max())))
+            t[:, :slots] = few
+            t[many] = _trace(sheet, origins[first:last][many], directions[first:last][many], start, t.shape[1])[1]
+        parts.append((found, t[np.arange(t.shape[1]) < found[:, None]]))
+    found = np.concatenate([np.zeros(1, np.int64), *(part[0] for part in parts)])
+    return Hits(np.cumsum(found), np.concatenate([np.empty(0), *(part[1] for part in parts)]))
 
 
 def _trace(
@@ -91,11 +94,6 @@ def _trace(
     with threads_for(_WEIGHT * len(origins)):
         _trace_rows(len(origins), sheet, np.array(origins), np.array(directions), float(start), found, t)
     return found, t
-
-
-def _packed(found: NDArray[np.int64], t: Floats) -> Hits:
-    offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(found)])
-    return Hits(offsets, t[np.arange(t.shape[1]) < found[:, None]])
 
 
 @rows
@@ -148,9 +146,12 @@ def trace(sheet, origin, direction, start, least, most, span, weights_u, weights
     k = min(max(int(v), 0), cells_v - 1)
     count = 0
     here, touching = 0.0, False
+    step_u, step_v = (1 if du > 0.0 else -1), (1 if dv > 0.0 else -1)
+    ahead_u, ahead_v = max(step_u, 0) - u, max(step_v, 0) - v
+    slow_u, slow_v = (1.0 / du if du != 0.0 else np.inf), (1.0 / dv if dv != 0.0 else np.inf)
     while True:
-        leave_u = (h + 1 - u) / du if du > 0.0 else ((h - u) / du if du < 0.0 else np.inf)
-        leave_v = (k + 1 - v) / dv if dv > 0.0 else ((k - v) / dv if dv < 0.0 else np.inf)
+        leave_u = (h + ahead_u) * slow_u if du != 0.0 else np.inf
+        leave_v = (k + ahead_v) * slow_v if dv != 0.0 else np.inf
         leave = max(min(min(leave_u, leave_v), end), here)
         w_here, w_leave = w + dw * here, w + dw * leave
         kept = sheet.trim[h, k]
@@ -177,9 +178,9 @@ def trace(sheet, origin, direction, start, least, most, span, weights_u, weights
         if leave >= end:
             return count
         if leave_u <= leave:
-            h += 1 if du > 0.0 else -1
+            h += step_u
         if leave_v <= leave:
-            k += 1 if dv > 0.0 else -1
+            k += step_v
         if h < 0 or h >= cells_u or k < 0 or k >= cells_v:
             return count
         here = leave

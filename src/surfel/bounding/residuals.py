@@ -30,7 +30,7 @@ from surfel.bounding.compare import (
 )
 from surfel.bounding.frame import Frame
 from surfel.bounding.occupancy import Quarters
-from surfel.bounding.order import Order, fetch_block, gather_points, set_cell, sort_block
+from surfel.bounding.order import Order, fetch_block, set_cell, sort_block
 from surfel.core.cast import Floats, Integers
 
 
@@ -211,13 +211,12 @@ def _keep_residuals(
                     sums[8 * LEAST_R + i], marks[BLOCK + i] = np.inf, 0
                 for at in range(begins[cell], begins[cell + 1], BLOCK):
                     here = min(BLOCK, begins[cell + 1] - at)
-                    gather_points(flat, first, rank, at, here, w)
                     if weigh:
                         for i in range(0, here, 8):
-                            compare_and_weigh_eight(w, i, c, marks, sums)
+                            compare_and_weigh_eight(flat, rank, first, at, here, w, i, c, marks, sums)
                     else:
                         for i in range(0, here, 8):
-                            compare_eight(w, i, c, marks, sums)
+                            compare_eight(flat, rank, first, at, here, w, i, c, marks, sums)
                     for i in range(here):
                         r, micro = w[RESIDUAL * BLOCK + i], corner + np.int64(marks[i])
                         many[micro] += 1

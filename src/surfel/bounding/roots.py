@@ -23,6 +23,9 @@ WIDTH = 10
 ENOUGH = 1.0 / 64.0
 """A value of so much of the tolerance ends the search for a zero."""
 
+SURE = 1e-9
+"""A step of Newton's method so short leaves a value of its square times the bend: less than rounding."""
+
 
 @inlined
 def value_at(c, s):
@@ -87,6 +90,8 @@ def zero_between(c, a, b, at_a, at_b, enough):
         new = s - g / slope if slope != 0.0 else a
         if not a <= new <= b or 2.0 * abs(new - s) > step:
             new = 0.5 * (a + b)
+        elif abs(new - s) <= SURE:
+            return new
         step = abs(new - s)
         s = new
         if step <= 2e-16:

@@ -9,7 +9,7 @@ from numba.core import cgutils
 
 F64, I32, I64 = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
 FOUR, EIGHT = ir.VectorType(F64, 4), ir.VectorType(F64, 8)
-EIGHT_WHOLE = ir.VectorType(I32, 8)
+EIGHT_WHOLE, EIGHT_PLACES = ir.VectorType(I32, 8), ir.VectorType(I64, 8)
 
 
 class Lanes:
@@ -88,6 +88,14 @@ class Flat:
         value = self.builder.load(self.builder.gep(self.data, [self._place(place)]), align=8, typ=F64)
         return Lanes(self.builder, every(self.builder, value))
 
+    def taken(self, places: list[Any]) -> Lanes:
+        """Return the numbers at eight places, one by one: gathers are slow where processors guard them."""
+        value = ir.Constant(EIGHT, ir.Undefined)
+        for lane, place in enumerate(places):
+            number = self.builder.load(self.builder.gep(self.data, [place]), align=8, typ=F64)
+            value = self.builder.insert_element(value, number, ir.Constant(I32, lane))
+        return Lanes(self.builder, value)
+
     def put(self, place: Any, lanes: Lanes) -> None:
         """Write eight numbers."""
         self.builder.store(lanes.value, address(self.builder, self.data, self._place(place), EIGHT), align=8)
@@ -112,9 +120,15 @@ def fused(builder: Any, a: Any, b: Any, c: Any) -> Any:
     return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.fma.v{a.type.count}f64"), [a, b, c])
 
 
+def whole_eight(numbers: list[int]) -> Any:
+    """Return eight integers of 64 bits."""
+    return ir.Constant(EIGHT_PLACES, [ir.Constant(I64, number) for number in numbers])
+
+
 def every(builder: Any, value: Any) -> Any:
-    """Return eight lanes of one number."""
-    lanes = builder.insert_element(ir.Constant(EIGHT, ir.Undefined), value, ir.Constant(I32, 0))
+    """Return eight lanes of one number, whole or not."""
+    kind = ir.VectorType(value.type, 8)
+    lanes = builder.insert_element(ir.Constant(kind, ir.Undefined), value, ir.Constant(I32, 0))
     return pick(builder, lanes, [0] * 8)
 
 
