@@ -12,10 +12,13 @@ from surfel._vec import tangent_frame
 from surfel.core.cast import Floats
 
 _SAME_SHEET = 0.7
+_ROUND = 0.0
 _MOST = 2.0  # over the radius of the disk
 
 
-def bends_of(points: Floats, normals: Floats, radii: Floats, near: NDArray[np.int32]) -> Floats:
+def bends_of(
+    points: Floats, normals: Floats, radii: Floats, near: NDArray[np.int32], rounded: NDArray[np.bool_]
+) -> Floats:
     """Return the larger principal curvature at each surfel, where it is convex; zero elsewhere.
 
     The symmetric operator that takes steps along the surface to changes of the normal is fitted to the neighbours on
@@ -29,22 +32,25 @@ def bends_of(points: Floats, normals: Floats, radii: Floats, near: NDArray[np.in
         Of their disks.
     near : NDArray[np.int32], shape (n, k)
         Their neighbours.
+    rounded : NDArray[np.bool_], shape (n,)
+        Which lie on an edge that is round, not sharp, so that all neighbours are on one sheet.
     """
     bends = np.zeros(len(points))
     with threads_for(2 * len(points)):
-        _fit(len(points), points, normals, radii, near, bends)
+        _fit(len(points), points, normals, radii, near, rounded, bends)
     return bends
 
 
 @rows
-def _fit(first, last, points, normals, radii, near, bends):
+def _fit(first, last, points, normals, radii, near, rounded, bends):
     for i in range(first, last):
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
         ex, ey, ez, fx, fy, fz = tangent_frame(nx, ny, nz)
+        least = _ROUND if rounded[i] else _SAME_SHEET
         aa = ab = bb = am = bm = ak = bk = 0.0
         for c in range(near.shape[1]):
             j = near[i, c]
-            if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz < _SAME_SHEET:
+            if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz < least:
                 continue
             dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
             tx, ty, tz = normals[j, 0] - nx, normals[j, 1] - ny, normals[j, 2] - nz

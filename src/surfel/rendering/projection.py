@@ -12,7 +12,7 @@ from surfel.rendering.eights import LANES, load, pick, store
 from surfel.rendering.placing import PIXEL
 
 _PIXELS = np.float32(1.0) / (PIXEL * PIXEL)
-_ZERO, _ONE, _TWO, _THREE = (np.float32(v) for v in (0.0, 1.0, 2.0, 3.0))
+_ZERO, _HALF, _ONE, _TWO, _THREE = (np.float32(v) for v in (0.0, 0.5, 1.0, 2.0, 3.0))
 
 
 @inlined
@@ -67,9 +67,11 @@ def fragment(x, y, sx, sy, pixel, ez, nx, ny, nz, inverse, bend, slope, cx, cy):
     square = qx * qx + qy * qy + s * s
     u = square * inverse
     if bend > _ZERO:
-        turned = toward + bend * (qx * dx + qy * dy + s)
-        missed = turned * turned < bend * bend * (dx * dx + dy * dy + _ONE - toward * toward) * square
-        u = pick(missed, _TWO, u)
+        along, length = qx * dx + qy * dy + s, dx * dx + dy * dy + _ONE
+        turned = toward + bend * along
+        missed = turned * turned < bend * bend * (length - toward * toward) * square
+        t = -(_HALF * bend) * square / turned
+        u = pick(missed, _TWO, (square + t * (along + along + t * length)) * inverse)
     return u, ez + s, qx, qy, s
 
 

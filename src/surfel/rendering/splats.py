@@ -102,7 +102,8 @@ def _splats_of(cloud: Surfels) -> Splats:
         radii = np.sqrt(np.maximum((axes[:, :3] ** 2).sum(axis=1), (axes[:, 3:] ** 2).sum(axis=1)))
     near = index.knn(min(AROUND, len(cloud) - 1))[1] if len(cloud) > 1 else np.empty((1, 0), np.int32)
     creased, own_clips, own_planes = crease_planes(index.points, normals, radii, near)
-    bends = np.zeros(len(cloud)) if axes is not None else bends_of(index.points, normals, radii, near)
+    rounded = creased & (np.diff(own_clips) == 0)
+    bends = np.zeros(len(cloud)) if axes is not None else bends_of(index.points, normals, radii, near, rounded)
     clips, planes = _joined(own_clips, own_planes, *_given_clips(cloud, order))
     colors = None if cloud.colors is None else eight_bit(cloud.colors)[order]
     return Splats(index, normals, radii, bends, colors, axes, creased, clips, planes)
