@@ -42,7 +42,7 @@ def test_axioms(seed):
     for operation in (Union, Intersection):
         one, other = surfel.combine(operation(a, b)), surfel.combine(operation(b, a))
         assert len(one.surfels) == pytest.approx(len(other.surfels), rel=8e-3)  # where they coincide, the first's stay
-        assert area(one) == pytest.approx(area(other), rel=5e-3)  # more of it where they cross at a flat angle
+        assert area(one) == pytest.approx(area(other), rel=6e-3)  # about tangent, one may cut where the other coincides
     # A - B = A & not B, not B by a box that holds it all
     everything = surfel.Box(10.0)
     outside = surfel.combine(Intersection(a, Difference(everything, b)), spacing=0.5).surfels

@@ -47,8 +47,8 @@ def test_what_is_subtracted_is_turned_over():
 @pytest.mark.parametrize(("shift", "true"), [(1.0, (32.0, 16.0, 16.0)), (2.0, (40.0, 0.0, 24.0))])
 def test_cubes_that_share_faces(shift, true):
     a, b = cube(seed=1), cube(seed=2, x=shift)
-    for tree, wanted in zip((a | b, a & b, a - b), true, strict=True):
-        assert area(surfel.combine(tree)) == pytest.approx(wanted, abs=0.04)  # .06 spacings along each edge of a shared face
+    for tree, wanted in zip((a | b, a & b, a - b), true, strict=True):  # .06 spacings along each edge of a shared face
+        assert area(surfel.combine(tree)) == pytest.approx(wanted, abs=0.04)
 
 
 def test_turned_cubes_against_exact_solids():

@@ -12,7 +12,7 @@ from surfel._vec import dot, tangent_frame
 from surfel.booleans.model import MOST, Model
 from surfel.booleans.sides import IN, OPPOSED, OUT, SAME
 from surfel.core.cast import Floats
-from surfel.inside.coincidence import ALIGNED, DISTANCE
+from surfel.inside.coincidence import ALIGNED, DISTANCE, lies_along
 from surfel.inside.operand import Operand
 from surfel.inside.sheets import NEIGHBOURS, side_of_sheets
 
@@ -124,7 +124,11 @@ def _meet(
             if whole[i] in (_SAME, _OPPOSED) and same_way > _BENT:
                 state[c] = whole[i]
                 coincident = c
-            elif abs(along) > ALIGNED and abs(height[c]) < DISTANCE * h:
+            elif (
+                abs(along) > ALIGNED
+                and abs(height[c]) < DISTANCE * h
+                and lies_along(normals, near[i], mx, my, mz, abs(along))
+            ):
                 state[c] = _SAME if along > 0.0 else _OPPOSED
                 coincident = c
             elif square < _FLAT:

@@ -9,10 +9,11 @@ from surfel.booleans.cells import frames_of
 from surfel.booleans.leaf import Leaf
 from surfel.booleans.model import MOST, Model
 from surfel.booleans.part import Part
+from surfel.booleans.probes import beside, most
 from surfel.booleans.sides import IN, OPPOSED, OUT, SAME
 from surfel.core.cast import Floats
 from surfel.core.lines import Lines
-from surfel.inside.coincidence import ALIGNED, DISTANCE
+from surfel.inside.coincidence import ALIGNED, DISTANCE, LEAST, WIDER
 from surfel.shapes.base import Shape
 
 _EXACT = 1e-6
@@ -28,8 +29,8 @@ _ROOT2 = 1.4143
 _OFF = 0.08  # a hit farther than this share of the reach from all lines asks for a line of its own
 _CHORDS = np.array([-0.55, 0.0, 0.55])
 _ANGLES = np.pi * np.arange(4) / 4.0
+_ROUND, _SHEET = 8, 0.8  # neighbours of a surfel, and the least cosine with those on its sheet
 _PROBES = 7
-_BESIDE = 0.03  # of the reach
 
 
 class SolidLeaf(Leaf):
@@ -80,7 +81,9 @@ class SolidLeaf(Leaf):
         """Mark surfels that lie on the surface: their normal crosses it near by, and about at right angles."""
         line, t, cosine = self._hits(points, normals)
         within = self._depth(part, rows)[line]
-        on = (np.abs(t) <= within) & (np.abs(cosine) > ALIGNED)
+        on = np.flatnonzero((np.abs(t) <= within) & (np.abs(cosine) > ALIGNED))
+        if not part.exact:
+            on = on[1.0 - np.abs(cosine[on]) <= WIDER * _spread(part, rows[line[on]]) + LEAST]
         sides[rows[line[on]]] = np.where(cosine[on] > 0.0, SAME, OPPOSED)
 
     def _depth(self, part: Part, rows: NDArray[np.int64]) -> Floats:
@@ -206,7 +209,7 @@ class SolidLeaf(Leaf):
         inside = u * u + v * v <= 1.0
         probes = np.stack([u[inside], v[inside]], axis=1)
         uv = probes[None] * part.reach[rows][:, None, None]
-        uv = np.concatenate([uv, *_beside(lines, part.reach[rows])], axis=1)
+        uv = np.concatenate([uv, *beside(lines, part.reach[rows])], axis=1)
         at = part.points[rows][:, None] + uv[..., :1] * across[:, None] + uv[..., 1:] * along[:, None]
         depth = self._offsets(part, rows, sides)
         shift = (depth[:, None] * part.normals[rows])[:, None]
@@ -220,26 +223,16 @@ class SolidLeaf(Leaf):
         for j in range(MOST):
             above = uv[..., 0] * lines[:, None, j, 0] + uv[..., 1] * lines[:, None, j, 1] > lines[:, None, j, 2]
             cell |= (above & (count[:, None] > j)).astype(np.int64) << j
-        return _most(cell, lower) * np.uint8(SAME) | _most(cell, upper) * np.uint8(OPPOSED)
+        return most(cell, lower) * np.uint8(SAME) | most(cell, upper) * np.uint8(OPPOSED)
 
 
-def _beside(lines: Floats, reach: Floats) -> list[Floats]:
-    """Return a place on either side of each line, where it is nearest to the centre."""
-    has = np.isfinite(lines[..., 2])
-    foot = np.where(has, lines[..., 2], 0.0)
-    return [
-        (foot + turn * _BESIDE * reach[:, None])[..., None] * np.where(has[..., None], lines[..., :2], 0.0)
-        for turn in (-1.0, 1.0)
-    ]
-
-
-def _most(cell: NDArray[np.int64], inside: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return for each cell of the lines whether most probes in it are inside; one without probes is as those beside."""
-    m, cells = len(cell), 1 << MOST
-    place = (np.arange(m)[:, None] * cells + cell).ravel()
-    votes = np.bincount(place, np.where(inside, 1.0, -1.0).ravel(), m * cells).reshape(m, cells)
-    known = np.bincount(place, minlength=m * cells).reshape(m, cells) > 0
-    beside = np.zeros_like(votes)
-    for j in range(MOST):
-        beside += votes[:, np.arange(cells) ^ (1 << j)]
-    return np.where(known, votes > 0.0, beside > 0.0).astype(np.uint8)
+def _spread(part: Part, rows: NDArray[np.int64]) -> Floats:
+    """Return by how much the normals of the surfels round some differ from theirs: the mean of 1 - cosine."""
+    every, back = np.unique(rows, return_inverse=True)
+    k = min(_ROUND, len(part) - 1)
+    if not len(every) or k < 1:
+        return np.zeros(len(rows))
+    around = part.normals[part.operand.index.knn(k, every)[1]]
+    cosine = np.einsum("ikj,ij->ik", around, part.normals[every])
+    here = cosine > _SHEET
+    return np.asarray((np.where(here, 1.0 - cosine, 0.0).sum(axis=1) / np.maximum(here.sum(axis=1), 1))[back])

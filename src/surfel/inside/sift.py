@@ -173,25 +173,26 @@ def _settle(
                     colour = OUT
             elif brick >= len(doubt) or doubt[brick, layer] & bit == np.uint64(0):
                 below = above = 0
-                for e in range(u - 1, u + 2):
-                    for f in range(v - 1, v + 2):
-                        for g in range(w - 1, w + 2):
-                            other = table[e >> 3, f >> 3, g >> 3]
-                            if other < 0 or other >= len(base):
-                                continue
-                            cell = owner_of(
-                                owned[other, e & 7], base[other, e & 7], one << np.uint64(8 * (f & 7) + (g & 7))
-                            )
-                            if cell < 0:
-                                continue
-                            if safe[cell] == 0:
-                                safe[cell] = guard(e, f, g, cell, table, base, owned, slabs)
-                            along = slabs[cell, 0] * x + slabs[cell, 1] * y + slabs[cell, 2] * z
-                            known = safe[cell] == SAFE
-                            below += 1 if known and along < slabs[cell, 3] else 0
-                            above += 1 if known and along > slabs[cell, 4] else 0
-                            if not known or (along >= slabs[cell, 3] and along <= slabs[cell, 4]):
-                                below, above = 1000, 1000  # and nothing can be said
+                for square in range(9):
+                    if below > 0 and above > 0:
+                        break  # nothing can be said
+                    e, f = u - 1 + square // 3, v - 1 + square % 3
+                    for g in range(w - 1, w + 2):
+                        other = table[e >> 3, f >> 3, g >> 3]
+                        if other < 0 or other >= len(base):
+                            continue
+                        word, there = owned[other, e & 7], one << np.uint64(8 * (f & 7) + (g & 7))
+                        if word & there == np.uint64(0):
+                            continue
+                        cell = owner_of(word, base[other, e & 7], there)
+                        if safe[cell] == 0:
+                            safe[cell] = guard(e, f, g, cell, table, base, owned, slabs)
+                        along = slabs[cell, 0] * x + slabs[cell, 1] * y + slabs[cell, 2] * z
+                        if safe[cell] != SAFE or (along >= slabs[cell, 3] and along <= slabs[cell, 4]):
+                            below, above = 1, 1
+                            break
+                        below += 1 if along < slabs[cell, 3] else 0
+                        above += 1 if along > slabs[cell, 4] else 0
                 if above == 0 and below >= _ENOUGH:
                     colour = IN
                 elif below == 0 and above >= _ENOUGH:
