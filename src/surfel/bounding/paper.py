@@ -1,24 +1,43 @@
 """Mode ``paper``: the tensor surface of sec. 6: scattered data along the u-lines, broken lines along v.
 
 Each point is projected to its two u-lines at its own height, so the blend of the two is its height. The exchange of
-sec. 5 looks at all points, but in passes: between them it works on those that have ever been the worst of their line
-and abscissa, and on the highest of the micro-cells. It ends when no point lies above its lines' bound.
+sec. 5 looks at all points once, then at those that came near its lines' bound. Between these looks it works on the
+points that have ever been the worst of their line and abscissa, and on the highest of the micro-cells. It ends when no
+point that it looks at lies above the bound.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from surfel._numba import kernel
+from surfel._numba import inner, kernel
 from surfel.bounding.banded import COLUMNS
-from surfel.bounding.compare import AXIS_Z, BLOCK, CELL_U, CELL_V, CONSTANTS, HEIGHT, LOCAL_U, ROWS, place_eight
+from surfel.bounding.compare import (
+    AXIS_Z,
+    BLOCK,
+    CELL_U,
+    CELL_V,
+    CONSTANTS,
+    HEIGHT,
+    LOCAL_U,
+    LOCAL_V,
+    ROWS,
+    place_eight,
+)
 from surfel.bounding.corners import over_corners
 from surfel.bounding.enclosure import second
+from surfel.bounding.evaluate import cell_of
 from surfel.bounding.frame import Frame
 from surfel.bounding.job import Job, Outcome
 from surfel.bounding.order import Order, fetch_block, sort_block
 from surfel.bounding.scattered import AGREED, nearest, scattered
 from surfel.core.cast import Floats, Integers
+
+NEAR = 0.005
+"""Points that come within this share of the range of the bound are looked at again."""
+
+FEW = 2
+"""They are kept apart if there is no more than one in so many."""
 
 TAME = 4.0
 """Coefficients are kept within this many ranges of the middle; where that costs safety, the raise gives it back."""
@@ -45,12 +64,12 @@ def _one_order(job: Job, exchanged: bool) -> Outcome:
     solves, fallbacks = np.zeros(m, np.int64), np.zeros(m, np.bool_)
     line, place, height = _on_lines(uv, job.height, m)
     order = Order.of(job.points, frame) if exchanged else job.order
-    todo = np.ones(m, np.bool_)
+    todo, near = np.ones(m, np.bool_), None
     for _ in range(PASSES):
         _fit_lines(line, place, height, job.boundary == "open", todo, corner, solves, fallbacks)
         if job.source.streamed:
             break
-        worst = _look(order, frame, corner, job)
+        worst, near = _look(order, frame, corner, job, near)
         if worst is None:
             break
         more, more_place, more_height = worst
@@ -81,29 +100,44 @@ def _sorted(line: Integers, place: Floats, height: Floats) -> tuple[Integers, Fl
     return line[order], place[order], height[order]
 
 
-def _look(order: Order, frame: Frame, corner: Floats, job: Job) -> tuple[Integers, Floats, Floats] | None:
-    """Return, for each line and abscissa, the point of largest excess over the line's bound; None if there is none."""
+def _look(
+    order: Order, frame: Frame, corner: Floats, job: Job, near: Floats | None
+) -> tuple[tuple[Integers, Floats, Floats] | None, Floats | None]:
+    """Return the point of largest excess over its line's bound for each line and abscissa, and the points near to it.
+
+    The first is None if no point lies above the bound. Points near to it, rows of u, v and height, are looked at where
+    they are given, all points where not. They are found at the first look; None stands for many.
+    """
     n, m = corner.shape
-    tolerance = AGREED * 2.0 * job.scale.half
+    half, is_open = job.scale.half, job.boundary == "open"
+    tolerance = AGREED * 2.0 * half
     worst, place, height = np.full((m, n), tolerance), np.zeros((m, n)), np.zeros((m, n))
-    (points,) = job.source
-    _look_at(
-        points,
-        frame.numbers(),
-        job.sign,
-        corner,
-        job.boundary == "open",
-        order.rank,
-        order.starts,
-        np.int64(order.block),
-        order.known,
-        worst,
-        place,
-        height,
-    )
-    order.known = True
+    if near is not None:
+        _look_again(near, corner, is_open, worst, place, height)
+    else:
+        (points,) = job.source
+        first = not order.known
+        kept = np.empty((len(points) // FEW if first else 0, 3))
+        count = _look_at(
+            points,
+            frame.numbers(),
+            job.sign,
+            corner,
+            is_open,
+            order.rank,
+            order.starts,
+            np.int64(order.block),
+            order.known,
+            NEAR * 2.0 * half if first else 0.0,
+            kept,
+            worst,
+            place,
+            height,
+        )
+        order.known = True
+        near = kept[:count].copy() if first and count <= len(kept) else None
     line, at = np.nonzero(worst > tolerance)
-    return (line, place[line, at], height[line, at]) if len(line) else None
+    return ((line, place[line, at], height[line, at]) if len(line) else None), near
 
 
 @kernel
@@ -128,24 +162,56 @@ def _fit_lines(line, place, height, is_open, todo, corner, solves, fallbacks):
         first = last
 
 
-@kernel
-def _look_at(p, f, sign, corner, is_open, rank, starts, block, known, worst, place, height):
-    # Eq. (5) from a table: b and min(D b, 0) / 6 of both ends of an interval, for both lines of a point. The bound lies
-    # nowhere below the least sum of these two at the corners of a cell, which lets most points pass.
+@inner
+def _table(corner, is_open):
+    # Eq. (5) at both ends of an interval: b and min(D b, 0) / 6, line by line.
     n, m = corner.shape
-    table = np.zeros((m, n, 2))
-    b = np.empty(n)
+    table, b = np.zeros((m, n, 2)), np.empty(n)
     for j in range(m):
         for i in range(n):
             b[i] = corner[i, j]
         for i in range(n):
             table[j, i, 0] = b[i]
             table[j, i, 1] = min(second(b, i, is_open), 0.0) / 6.0 if b[i] > -np.inf else 0.0
+    return table
+
+
+@inner
+def _compare(table, h, k, s, z, worst, place, height):
+    n = table.shape[1]
+    q = 1.0 - s
+    s3, q3 = s * s * s, q * q * q
+    most = -np.inf
+    for j in range(k, k + 2):
+        low = q * table[j, h, 0] + s * table[j, h + 1, 0] + q3 * table[j, h, 1] + s3 * table[j, h + 1, 1]
+        most = max(most, z - low)
+        if z > low:
+            u = h + s
+            a = nearest(u, n)
+            if z - low > worst[j, a]:
+                worst[j, a], place[j, a], height[j, a] = z - low, u, z
+    return most
+
+
+@kernel
+def _look_again(near, corner, is_open, worst, place, height):
+    n, m = corner.shape
+    table = _table(corner, is_open)
+    for i in range(near.shape[0]):
+        h, k = cell_of(near[i, 0], n - 1), cell_of(near[i, 1], m - 1)
+        _compare(table, h, k, near[i, 0] - h, near[i, 2], worst, place, height)
+
+
+@kernel
+def _look_at(p, f, sign, corner, is_open, rank, starts, block, known, margin, near, worst, place, height):
+    # The bound lies nowhere below the least sum of its two numbers at the corners of a cell: most points pass.
+    n, m = corner.shape
+    table = _table(corner, is_open)
     w, places, c = np.empty(ROWS * BLOCK), np.empty(block, np.int32), np.empty(CONSTANTS)
     c[:13] = f[:13]
     c[AXIS_Z : AXIS_Z + 3] *= sign
     flat = p.ravel()
-    parts = starts.shape[0]
+    count, parts = 0, starts.shape[0]
     for part in range(parts):
         last = p.shape[0] * (part + 1) // parts
         for row, first in enumerate(range(p.shape[0] * part // parts, last, block)):
@@ -170,16 +236,11 @@ def _look_at(p, f, sign, corner, is_open, rank, starts, block, known, worst, pla
                         place_eight(flat, rank, first, at, here, w, i, c)
                     for i in range(here):
                         z = w[HEIGHT * BLOCK + i]
-                        if z <= least:
+                        if z <= least - margin:
                             continue
                         s = w[LOCAL_U * BLOCK + i]
-                        q = 1.0 - s
-                        s3, q3 = s * s * s, q * q * q
-                        for j in range(k, k + 2):
-                            low = q * table[j, h, 0] + s * table[j, h + 1, 0]
-                            low += q3 * table[j, h, 1] + s3 * table[j, h + 1, 1]
-                            if z > low:
-                                u = h + s
-                                a = nearest(u, n)
-                                if z - low > worst[j, a]:
-                                    worst[j, a], place[j, a], height[j, a] = z - low, u, z
+                        if _compare(table, h, k, s, z, worst, place, height) > -margin:
+                            if count < near.shape[0]:
+                                near[count, 0], near[count, 1], near[count, 2] = h + s, k + w[LOCAL_V * BLOCK + i], z
+                            count += 1
+    return count

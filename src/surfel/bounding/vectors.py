@@ -53,10 +53,6 @@ class Lanes:
         """Return the numbers where a bit is set, another elsewhere."""
         return Lanes(self.builder, self.builder.select(bits, self.value, self._other(other)))
 
-    def over(self, other: Any) -> Any:
-        """Return eight bits: whether each is greater than the other."""
-        return self.builder.fcmp_ordered(">", self.value, self._other(other))
-
     def at_most(self, other: Any) -> Any:
         """Return eight bits: whether each is at most the other."""
         return self.builder.fcmp_ordered("<=", self.value, self._other(other))
