@@ -30,6 +30,21 @@ for name in ("index.bvh_build", "index.bvh_trace", "index.morton", "surface.bord
             misses += [kernel] * bool(dispatcher.stats.cache_misses)
 print(json.dumps([hits, misses]))
 """
+REPORT = """
+import json, surfel
+from surfel._numba import compile_seconds
+from surfel.cli.part import BoredBlock
+
+surfel.write("{folder}/part.ply", surfel.Surfels(*BoredBlock().sample(40_000)))
+scan = surfel.read("{folder}/part.ply")
+surfel.measure(scan)
+told = [compile_seconds()]
+surfel.bound(scan, direction=(0, 0, 1), shape=(12, 12), mode="tight").verify(scan)
+told.append(compile_seconds())
+surfel.measure(scan - surfel.Sphere(1).translated((2, -1.5, 1)))
+told.append(compile_seconds())
+print(json.dumps([told[1] - told[0], told[2] - told[1]]))
+"""
 BY_THE_COMMAND = {"_nearby", "_holds_origin"}  # behind the cells, which the command compiles itself
 
 
@@ -56,6 +71,18 @@ def test_a_measurement_finds_in_the_cache_what_the_helper_compiled(tmp_path):
         "_integrate",
     }
     assert last | {"_quadric_residuals", "is_covered", "_key_lines"} <= set(hits)
+
+
+@pytest.mark.slow
+def test_the_report_finds_in_the_cache_what_its_helper_compiled(tmp_path):
+    """All but what the first pictures need: the command compiles that meanwhile."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    program = REPORT.format(folder=str(tmp_path))
+    warmed = [sys.executable, "-m", "surfel.cli.warm", "report"]
+    subprocess.run(warmed, env=environment, timeout=900, check=True)
+    command = [sys.executable, "-c", program]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=900, check=True)
+    assert json.loads(run.stdout) == [0.0, 0.0]  # nothing was compiled
 
 
 def test_a_helper_ends_when_it_is_told_to():
@@ -85,7 +112,7 @@ def test_no_helper_where_none_can_be_had(monkeypatch):
 def test_only_a_measuring_process_of_our_own_has_a_helper(monkeypatch, capsys, own, measures, started):
     calls = []
     monkeypatch.setattr(_notice, "own_process", own)
-    monkeypatch.setattr(warm, "start", lambda: calls.append("start"))
+    monkeypatch.setattr(warm, "start", calls.append)
     with output.Output(False, False, measures=measures):
         _notice.compilation_starts()
         _notice.compilation_starts()

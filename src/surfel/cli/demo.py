@@ -58,7 +58,8 @@ def demo(
         if not as_json:
             output.result(data, lambda: _comparison(result, part, path))
         if report:
-            output.note("drawing the report; the first time some more kernels are compiled")
+            output.note("drawing the report")
+            output.go_on_with("report")
             with output.work() as progress:
                 assert isinstance(scan, surfel.Surfels)  # it was written as one
                 write_report(place, scan, result, part, seed, progress)

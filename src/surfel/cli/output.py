@@ -43,7 +43,7 @@ class Output:
 
     def __init__(self, as_json: bool, quiet: bool, *, measures: bool = False) -> None:
         self._as_json = as_json
-        self._measures = measures
+        self._job = "measure" if measures else None
         self._helper: Popen[bytes] | None = None
         self._quiet = quiet
         self._bar: Bar | None = None
@@ -69,10 +69,16 @@ class Output:
 
     def _compiling(self) -> None:
         """Say that it takes a while, and have a second process help, unless this one belongs to other code."""
-        how_long = "about 20 s on two cores, 30 s on one" if self._measures else "some seconds"
+        how_long = "about 20 s on two cores, 30 s on one" if self._job else "some seconds"
         self.note(f"compiling kernels, once after installing, {how_long}")
-        if self._measures and _notice.own_process:
-            self._helper = warm.start()
+        if self._job and _notice.own_process:
+            self._helper = warm.start(self._job)
+
+    def go_on_with(self, job: str) -> None:
+        """Turn to another job, for which other kernels may have to be compiled."""
+        warm.stop(self._helper)
+        self._helper, self._job = None, job
+        announce_compilation(self._compiling)
 
     def result(self, data: Mapping[str, Any], table: Callable[[], RenderableType]) -> None:
         """Print the result, for programs or for people, and each warning once: in the object if that has a place."""

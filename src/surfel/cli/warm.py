@@ -1,7 +1,8 @@
 """A second process that compiles kernels beside the first, so that both cores work on the first run.
 
 What takes time in compiling is Python, which uses one core. While a command compiles what it needs first, the helper
-compiles what it needs last (:mod:`surfel.cli.warm_kernels`), into the cache that both share.
+compiles what it needs last (:mod:`surfel.cli.warm_kernels`), into the cache that both share. There is one job for
+measuring, and one for the report of the demo.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from typing import Any, NoReturn
 _PATIENCE = 2.0  # seconds for a helper to end when told so, before it is ended by force
 
 
-def start() -> subprocess.Popen[bytes] | None:
-    """Start the helper; None where there is no second core for it, or no way to start it."""
+def start(job: str = "measure") -> subprocess.Popen[bytes] | None:
+    """Start the helper for ``measure`` or ``report``; None where there is no second core for it, or no way to."""
     if _cores() < 2 or not sys.executable or getattr(sys, "frozen", False):
         return None
-    command = [sys.executable, "-P", "-m", "surfel.cli.warm"]  # -P: nothing is imported from the current folder
+    command = [sys.executable, "-P", "-m", "surfel.cli.warm", job]  # -P: nothing is imported from the current folder
     try:
         return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     except OSError:
@@ -46,9 +47,9 @@ def main() -> None:
 
     signal.signal(signal.SIGTERM, _leave)  # by an exception, so that no half-written file stays in the cache
     start_lean()
-    from surfel.cli.warm_kernels import compile_last
+    from surfel.cli.warm_kernels import compile_for_report, compile_last
 
-    compile_last()
+    compile_for_report() if sys.argv[1:] == ["report"] else compile_last()
 
 
 def _leave(number: int, frame: Any) -> NoReturn:

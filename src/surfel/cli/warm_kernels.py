@@ -1,4 +1,4 @@
-"""The kernels that measuring a cloud needs last: called for next to nothing, with the types that measuring has."""
+"""The kernels that measuring a cloud or a report needs last: called for next to nothing, with the types it has."""
 
 from __future__ import annotations
 
@@ -35,6 +35,20 @@ def compile_last() -> None:
     is_covered(np.zeros(1), np.zeros(1), 1, 0.0, 0.0, 0.0)
     octahedron = _Octahedron()
     measure_by_lines(octahedron, Bundles.over(octahedron.corners, SHIFTS, 0, 0.1), _LINES)
+
+
+def compile_for_report() -> None:
+    """Compile what the report of the demo needs after its first pictures: the safe surface, and measuring a tree."""
+    if not is_cached(bvh_trace.trace):
+        return
+    import surfel
+    from surfel.cli.part import BoredBlock
+
+    scan = surfel.Surfels(*BoredBlock().sample(20 * _POINTS))
+    lid = surfel.bound(scan, direction=(0, 0, 1), shape=(12, 12), mode="tight")
+    lid.verify(scan)
+    surfel.render(lid, size=(40, 30))
+    surfel.measure(scan - surfel.Sphere(1.0).translated((2.0, -1.5, 1.0)))
 
 
 class _Sphere:
