@@ -6,29 +6,26 @@ lines or 16 or 30 times as dense at one end, with normals or none, clean or with
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from benchmarks.clouds import APART, Cloud, generator
-from benchmarks.coverage_shapes import CALIBRATING, FRESH, shape
-from benchmarks.pieces import Floats
-from benchmarks.shapes import KnownShape, NoDataError
+from benchmarks.clouds import Cloud, generator
+from benchmarks.coverage_shapes import CALIBRATING, JUDGING, shape
+from benchmarks.samplings import SAMPLINGS
+from benchmarks.shapes import NoDataError
 from benchmarks.tables import busy, made_on, percent, table
 from surfel.core.estimate import Estimate
 
 SIZES = (5_000, 20_000, 100_000)
-SAMPLINGS = ("random", "even", "scan lines", "16x", "30x")
 NOISES = (0.0, 0.02, 0.1, 0.25, 0.5)
-CLOUDS = 16
+CLOUDS = 14
 """Clouds of each shape."""
-
-STRETCH = 3.0
-"""How much nearer than across points lie along a scan line."""
 
 LINES = 8192
 """For the volume; the area of a cloud needs none."""
@@ -51,7 +48,7 @@ class Case:
     def cloud(self) -> Cloud:
         """Make the cloud; noise is Gaussian in all directions, in spacings of an even cloud of as many points."""
         known, random = shape(self.shape), generator("coverage", self.shape, self.size, self.sampling, self.seed)
-        points, normals = _DRAWN[self.sampling](known, self.size, random)
+        points, normals = SAMPLINGS[self.sampling](known, self.size, random)
         if self.noise:
             sigma = self.noise * math.sqrt(known.area / len(points))
             points = points + sigma * random.standard_normal(points.shape)
@@ -83,7 +80,7 @@ def cases_of(name: str, clouds: int = CLOUDS) -> Iterator[Case]:
     Half of the clouds are clean. Noisy ones have no normals in three of four cases.
     """
     random = generator("cases of coverage", name)
-    sizes, samplings = _dealt((*SIZES[:2] * 3, SIZES[2]), clouds, random), _dealt(SAMPLINGS, clouds, random)
+    sizes, samplings = _dealt((*SIZES[:2] * 3, SIZES[2]), clouds, random), _dealt(tuple(SAMPLINGS), clouds, random)
     noises = _dealt((0.0, 0.0, 0.0, 0.0, *NOISES[1:]), clouds, random)
     for seed, (size, sampling, noise) in enumerate(zip(sizes, samplings, noises, strict=True)):
         given = bool(random.random() < (0.5 if noise == 0.0 else 0.25))
@@ -116,84 +113,63 @@ def _compared(found: Estimate, truth: float) -> tuple[float, float]:
     return float(found.value) / truth - 1.0, 0.5 * (high - low) / truth
 
 
-def _random(known: KnownShape, n: int, random: np.random.Generator) -> tuple[Floats, Floats]:
-    return known.draw(n, random)
+def run(
+    quick: bool,
+    family: str = "judging",
+    told: Callable[[str], None] = print,
+    rows: str | None = None,
+    minutes: float = math.inf,
+) -> list[Answer]:
+    """Measure the clouds of every shape of a family.
 
-
-def _even(known: KnownShape, n: int, random: np.random.Generator) -> tuple[Floats, Floats]:
-    points, normals = known.draw(5 * n, random)
-    rows = _darts(points, normals, APART * math.sqrt(known.area / n), 1.0, random)
-    return points[rows], normals[rows]
-
-
-def _scan_lines(known: KnownShape, n: int, random: np.random.Generator) -> tuple[Floats, Floats]:
-    """Darts whose distance is longer along the lines: where the surface crosses planes through a random axis."""
-    points, normals = known.draw(5 * n, random)
-    axis = random.standard_normal(3)
-    along = np.cross(normals, axis / np.linalg.norm(axis))
-    along /= np.linalg.norm(along, axis=1, keepdims=True) + 1e-12
-    rows = _darts(points, along, APART * math.sqrt(known.area / n), STRETCH, random)
-    return points[rows], normals[rows]
-
-
-def _darts(
-    points: Floats, along: Floats, apart: float, stretch: float, random: np.random.Generator
-) -> NDArray[np.int64]:
-    """Take points in random order; each keeps away later ones, the farther across its direction the more stretch."""
-    from scipy.spatial import cKDTree
-
-    order = random.permutation(len(points))
-    place, way = points[order], along[order]
-    pairs = cKDTree(place).query_pairs(apart * math.sqrt(stretch), output_type="ndarray")
-    offset = place[pairs[:, 1]] - place[pairs[:, 0]]
-    on_line = np.einsum("ij,ij->i", offset, way[pairs[:, 0]]) ** 2
-    off_line = np.einsum("ij,ij->i", offset, offset) - on_line
-    pairs = np.sort(pairs[on_line * stretch + off_line / stretch < apart * apart], axis=1)
-    earlier, later = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))].T
-    starts = np.searchsorted(earlier, np.arange(len(points) + 1))
-    alive = np.ones(len(points), bool)
-    for i in range(len(points)):
-        if alive[i]:
-            alive[later[starts[i] : starts[i + 1]]] = False
-    return order[alive]
-
-
-def _uneven(ratio: float) -> Callable[[KnownShape, int, np.random.Generator], tuple[Floats, Floats]]:
-    def draw(known: KnownShape, n: int, random: np.random.Generator) -> tuple[Floats, Floats]:
-        points, normals = known.draw(int(8 * n * math.sqrt(ratio / 16.0) * 1.5), random)
-        axis = int(np.argmax(np.ptp(points, axis=0)))
-        height = (points[:, axis] - points[:, axis].min()) / np.ptp(points[:, axis])
-        rows = np.flatnonzero(random.random(len(points)) < ratio ** (height - 1.0))[:n]
-        return points[rows], normals[rows]
-
-    return draw
-
-
-_DRAWN: dict[str, Callable[[KnownShape, int, np.random.Generator], tuple[Floats, Floats]]] = {
-    "random": _random,
-    "even": _even,
-    "scan lines": _scan_lines,
-    "16x": _uneven(16.0),
-    "30x": _uneven(30.0),
-}
-
-
-def run(quick: bool, family: str = "fresh", told: Callable[[str], None] = print) -> list[Answer]:
-    """Measure the clouds of every shape of a family."""
-    names = CALIBRATING if family == "calibrating" else FRESH
+    Parameters
+    ----------
+    quick : bool
+        A few clouds of a few shapes.
+    family : {"judging", "calibrating"}
+        Which shapes.
+    told : callable
+        Takes a line for each shape.
+    rows : str, optional
+        A file of answers, one JSON object a line. Those in it are not asked for again, and new ones are added, so that
+        a run can be broken off and taken up.
+    minutes : float
+        Break off after so long; the answers so far are returned.
+    """
+    names = CALIBRATING if family == "calibrating" else JUDGING
+    known, end = _saved(rows), time.monotonic() + 60.0 * minutes
     answers = []
     for name in names[:: 6 if quick else 1]:
+        mine, left = [], list(cases_of(name, 6 if quick else CLOUDS))
         try:
-            mine = [answered(case) for case in cases_of(name, 6 if quick else CLOUDS)]
+            while left and (left[0] in known or time.monotonic() < end):
+                case = left.pop(0)
+                mine.append(known[case] if case in known else _kept(answered(case), rows))
         except NoDataError as absent:
             told(f"{name}: left out, {absent}")
             continue
         answers += mine
-        told(f"{name}: {sum(a.held for a in mine)} of {len(mine)}")
+        told(f"{name}: {sum(a.held for a in mine)} of {len(mine)}{f', {len(left)} to do' if left else ''}")
     return answers
 
 
-def report(answers: list[Answer], family: str = "fresh") -> str:
+def _saved(rows: str | None) -> dict[Case, Answer]:
+    """Return the answers in a file, by their cases."""
+    if rows is None or not Path(rows).is_file():
+        return {}
+    read = (json.loads(line) for line in Path(rows).read_text(encoding="utf-8").splitlines())
+    answers = [Answer(**{**row, "case": Case(**row["case"])}) for row in read]
+    return {answer.case: answer for answer in answers}
+
+
+def _kept(answer: Answer, rows: str | None) -> Answer:
+    if rows is not None:
+        with Path(rows).open("a", encoding="utf-8") as file:
+            file.write(json.dumps(asdict(answer)) + "\n")
+    return answer
+
+
+def report(answers: list[Answer], family: str = "judging") -> str:
     """Return the tables, with what was aimed at."""
     strata: list[tuple[str, list[Answer]]] = [("all", answers)]
     for kind, value_of in _STRATA.items():
@@ -212,7 +188,7 @@ Nominal 95 % intervals of the area, and how many of those that were given hold t
 surfel calls unreliable; those beyond a tenth of a line count as misses. Refused clean clouds: {refused_clean} (aim: 0).
 
 The constants of the interval were fitted to clouds of these shapes: {", ".join(CALIBRATING)}.
-{"These are other shapes, which were used for nothing else." if family == "fresh" else "THESE ARE THE SAME SHAPES."}
+{"These are other shapes, which were used for nothing else." if family == "judging" else "THESE ARE THE SAME SHAPES."}
 {len(answers)} clouds of {len(by_shape)} shapes.
 
 {table(head, [_line(name, mine, name == "all") for name, mine in strata])}

@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.coverage_clouds import NOISES, SAMPLINGS, SIZES, Answer, Case, answered, cases_of, report
-from benchmarks.coverage_shapes import CALIBRATING, FRESH, shape
-from benchmarks.shapes import MESHES
+from benchmarks.coverage_clouds import NOISES, SIZES, Answer, Case, answered, cases_of, report, run
+from benchmarks.coverage_shapes import _FAMILIES as FORMULAS
+from benchmarks.coverage_shapes import CALIBRATING, JUDGING, shape
+from benchmarks.samplings import SAMPLINGS
+from benchmarks.shapes import ANALYTIC, MESHES
+
+from benchmarks import coverage_clouds
 
 
 def test_no_shape_judges_what_it_made():
-    assert not set(CALIBRATING) & set(FRESH)
-    assert len(FRESH) >= 20
+    assert not set(CALIBRATING) & set(JUDGING)
+    assert len(JUDGING) >= 20
 
 
 def test_there_are_enough_cases_of_every_kind():
-    found = [case for name in FRESH for case in cases_of(name)]
+    found = [case for name in JUDGING for case in cases_of(name)]
     assert len(found) >= 400
     for values, of in ((SIZES, "size"), (SAMPLINGS, "sampling"), (NOISES, "noise"), ((True, False), "normals")):
         assert {getattr(case, of) for case in found} == set(values)
         for value in values:
             assert sum(getattr(case, of) == value for case in found) >= 20
-    assert found == [case for name in FRESH for case in cases_of(name)]
+    assert found == [case for name in JUDGING for case in cases_of(name)]
 
 
-@pytest.mark.parametrize("name", ["ellipsoid", "bumps 5", "ripples 3", "knot 5", "tree 30"])
+@pytest.mark.parametrize(
+    "name", ["ellipsoid", "ripples 3", "tree 30", "hull 1", "twisted prism 1", "blob 1", "moebius 1"]
+)
 def test_shapes_without_a_file_are_sampled_where_they_are(name):
     known = shape(name)
     points, normals = known.draw(500, np.random.default_rng(0))
@@ -56,6 +62,18 @@ def test_a_case_is_measured():
     assert 0.0003 < answer.half_width < 0.05
 
 
+def test_a_run_is_taken_up_where_it_was_broken_off(tmp_path, monkeypatch):
+    rows, told = str(tmp_path / "rows.jsonl"), []
+    monkeypatch.setattr(coverage_clouds, "JUDGING", ("ellipsoid",))
+    monkeypatch.setattr(coverage_clouds, "answered", lambda case: Answer(case, 0.001, 0.01, True, "", 0.1, 0.0, 0.1))
+    assert run(True, told=told.append, rows=rows, minutes=0.0) == []
+    assert told == ["ellipsoid: 0 of 0, 6 to do"]
+    whole = run(True, told=told.append, rows=rows)
+    assert len(whole) == 6
+    monkeypatch.setattr(coverage_clouds, "answered", None)
+    assert run(True, told=told.append, rows=rows, minutes=0.0) == whole
+
+
 def test_the_table_counts_what_held_and_what_was_refused():
     def answer(name: str, seed: int, error: float, reliable: bool = True) -> Answer:
         return Answer(Case(name, 5000, "random", 0.1, False, seed), error, 0.01, reliable, "", 0.1)
@@ -71,6 +89,14 @@ def test_the_table_counts_what_held_and_what_was_refused():
     assert cells[5] == "no"
 
 
-def test_every_mesh_of_the_families_has_a_name():
-    for name in (*CALIBRATING, *FRESH):
-        assert name in MESHES or shape(name).area > 0.0
+def test_level_sets_are_closed():
+    known = shape("blob 11")
+    points, normals = known.draw(40_000, np.random.default_rng(1))
+    np.testing.assert_allclose(normals.mean(axis=0), 0.0, atol=0.02)
+    assert np.einsum("ij,ij->i", points, normals).mean() > 0.0  # outward
+
+
+def test_every_shape_of_the_families_is_a_mesh_or_a_formula():
+    for name in (*CALIBRATING, *JUDGING):
+        kind, _, number = name.rpartition(" ")
+        assert name in MESHES or name in ANALYTIC or name in FORMULAS or (kind in FORMULAS and number.isdigit())

@@ -137,3 +137,10 @@ def test_ambiguous_signs_are_told_and_sure_ones_are_not():
     assert not any("ambiguous" in text for text in sphere.warnings)
     box = rng.standard_normal((3000, 3))  # a cloud without a surface
     assert any("ambiguous" in text for text in surfel.measure(surfel.Surfels(box), lines=1024).warnings)
+
+
+def test_noise_that_hides_a_thin_shape_is_not_given_as_an_area():
+    """Points in a ball show no surface, whatever is read as their noise."""
+    rng = np.random.default_rng(8)
+    inside = truth.sphere(4000, 6).points * rng.random((4000, 1)) ** (1.0 / 3.0)
+    assert not _measured(inside, lines=16).area.reliable

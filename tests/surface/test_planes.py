@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import naive
-from surfel.surface.normals import Planes, choose_planes, fit_planes, fitted_normals
+from surfel.surface.normals import Planes, choose_planes, fit_planes, fitted_normals, widths
 from surfel.surface.planes import plane_of_neighbours, smallest_eigenpair, solve_spd
 from surfel.surface.spacing import local_spacing, regularity
 
@@ -78,7 +78,7 @@ def test_normals_stay_sharp_at_an_edge():
     truth = np.where(upright[:, None], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
     right = np.abs(np.einsum("ij,ij->i", normals, truth)) > 0.99
     planes = Planes.empty(len(points))
-    fit_planes(points, np.arange(len(points), dtype=np.int32), rows, 12, planes)
+    fit_planes(points, np.arange(len(points), dtype=np.int32), rows, widths(len(points), 12, rows), planes)
     rounded = np.abs(np.einsum("ij,ij->i", planes.normal, truth)) < 0.99
     assert rounded.mean() > 0.02  # a least-squares plane cuts the corner there
     assert right.mean() > 0.99
@@ -90,8 +90,8 @@ def test_the_best_plane_is_chosen_as_by_hand():
     squared, rows = naive.nearest(points, 24)
     spacing = local_spacing(squared)
     planes = Planes.empty(len(points))
-    fit_planes(points, np.arange(len(points), dtype=np.int32), rows, 12, planes)
-    chosen = choose_planes(points, rows, spacing, planes, rough=0.1, better=0.5)
+    fit_planes(points, np.arange(len(points), dtype=np.int32), rows, widths(len(points), 12, rows), planes)
+    chosen = choose_planes(points, rows, 0.1 * spacing, planes, better=0.5)
     for i in range(len(points)):
         expected = planes.normal[i]
         if planes.residual[i] >= 0.1 * spacing[i]:

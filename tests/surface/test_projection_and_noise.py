@@ -8,7 +8,7 @@ import pytest
 import naive
 import shapes_with_truth as truth
 from surfel.index.neighbours import PointIndex
-from surfel.surface.denoise import denoise, fit_width
+from surfel.surface.denoise import denoise, fit_widths
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.noise import axial_ranks, is_two_sheets, noise_level, sample_rows
 from surfel.surface.projection import project
@@ -29,12 +29,14 @@ def test_projection_is_the_weighted_least_squares_quadric(rough_cloud, alike):
     points, normals = rough_cloud
     _, rows = naive.nearest(points, 24)
     chosen = np.arange(0, 400, 3, dtype=np.int32)
-    moved, turned = project(points, normals, chosen, np.ascontiguousarray(rows[chosen]), alike=alike)
+    near, counts = np.ascontiguousarray(rows[chosen]), np.where(chosen % 2, 24, 18).astype(np.int32)
+    moved, turned, bend = project(points, normals, chosen, near, counts, alike=alike)
     fitted = 0
     for row, i in enumerate(chosen):
         a, b = naive.frame(normals[i])
-        width = 0.5 * np.linalg.norm(points[rows[i, -1]] - points[i])
-        alikes = [j for j in rows[i] if abs(normals[j] @ normals[i]) >= alike]
+        taken = rows[i, : counts[row]]
+        width = 0.5 * np.linalg.norm(points[taken[-1]] - points[i])
+        alikes = [j for j in taken if abs(normals[j] @ normals[i]) >= alike]
         if len(alikes) < 6:  # too few to tell: the point stays
             np.testing.assert_array_equal(moved[row], points[i])
             np.testing.assert_array_equal(turned[row], normals[i])
@@ -44,6 +46,7 @@ def test_projection_is_the_weighted_least_squares_quadric(rough_cloud, alike):
         u, v, w = offset @ a / width, offset @ b / width, offset @ normals[i]
         found = naive.quadric(u, v, w, np.exp(-0.5 * (u**2 + v**2)))
         np.testing.assert_allclose(moved[row], points[i] + found[0] * normals[i], atol=1e-6 * width)
+        np.testing.assert_allclose(bend[row], 2.0 * (found[3] + found[5]) / width**2, rtol=1e-3, atol=1e-4)
         slope = normals[i] - found[1] / width * a - found[2] / width * b
         np.testing.assert_allclose(turned[row], slope / np.linalg.norm(slope), atol=1e-4)
     assert fitted > 100
@@ -55,7 +58,9 @@ def test_projection_does_not_depend_on_the_signs_of_the_neighbours(rough_cloud):
     chosen = np.arange(100, dtype=np.int32)
     turned_round = normals.copy()
     turned_round[100:] *= -1.0
-    ours, theirs = (project(points, n, chosen, rows[:100])[0] for n in (normals, turned_round))
+    ours, theirs = (
+        project(points, n, chosen, rows[:100], np.full(100, 24, np.int32))[0] for n in (normals, turned_round)
+    )
     np.testing.assert_array_equal(ours, theirs)
 
 
@@ -63,17 +68,21 @@ def test_projection_takes_most_of_the_noise_off():
     ball = truth.sphere(6000, 1)
     for sigma, left in ((0.1, 0.6), (0.5, 0.35)):
         hood = Neighbourhoods.of(ball.noisy(sigma, 2), np.arange(6000))
-        smooth, normals = denoise(hood, sigma)
+        smooth, normals, bend, levels = denoise(hood, sigma)
         off = np.linalg.norm(smooth.points + smooth.index.origin, axis=1) - 1.0
         assert np.std(off) < left * sigma * ball.spacing
         assert sorted(smooth.rows) == list(range(6000))
+        assert (levels == sigma).all()
+        assert np.median(np.abs(bend)) == pytest.approx(2.0, rel=0.5)
         outward = ball.points[smooth.rows]
         assert np.median(np.abs(np.einsum("ij,ij->i", normals, outward))) > 0.99
 
 
 def test_the_width_of_the_fit_grows_with_the_noise_within_limits():
-    assert [fit_width(s, 10**6) for s in (0.01, 0.4, 0.5, 1.0, 5.0)] == [24, 24, 37, 150, 500]
-    assert fit_width(1.0, 80) == 10
+    levels = np.array([0.2, 0.4, 0.5, 1.0, 5.0])
+    assert fit_widths(levels, 10**6, twice=True).tolist() == [18, 26, 32, 130, 500]
+    assert set(fit_widths(levels, 10**6, twice=False)) == {24}
+    assert fit_widths(levels, 80, twice=True)[-1] == 10
 
 
 @pytest.mark.parametrize("sigma", [0.05, 0.1, 0.3, 0.6, 1.0])

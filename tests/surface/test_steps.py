@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import shapes_with_truth as truth
+from surfel.surface.close_sheets import faces_one_way, has_close_sheets
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.patches import local_patches
-from surfel.surface.steps import DENIED_BELOW, LEAST_PAIRS, faces_one_way, given_level, step_level
+from surfel.surface.steps import DENIED_BELOW, LEAST_PAIRS, given_level, step_level
 
 
 def level_of(points: np.ndarray) -> float:
@@ -80,9 +81,17 @@ def test_layers_of_scans_face_one_way_and_plates_do_not():
     for up, layers in ((1.0, False), (-1.0, True)):
         points, normals = sheets(0.7, up)
         hood = Neighbourhoods.of(points, np.arange(len(points)))
+        assert has_close_sheets(hood, normals[hood.rows])
         assert faces_one_way(hood, normals[hood.rows]) is layers
     signs = np.random.default_rng(3).choice([-1.0, 1.0], (len(points), 1))
     assert not faces_one_way(hood, (normals * signs)[hood.rows])
+
+
+@pytest.mark.parametrize("shape", [truth.sphere, truth.torus, truth.box, with_relief])
+def test_one_sheet_is_not_taken_for_two(shape):
+    cloud = shape(6000, 1)
+    hood = Neighbourhoods.of(cloud.points, np.arange(len(cloud.points)))
+    assert not has_close_sheets(hood, cloud.normals[hood.rows])
 
 
 def test_order_and_place_change_nothing_but_rounding():

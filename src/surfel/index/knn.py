@@ -40,7 +40,7 @@ def search_nearest(
     With ``own`` the places are the indexed points: results stand in the order of ``order``, and no point is its own
     neighbour. Otherwise ``order`` is only the order of the search, and result i belongs to ``places[i]``.
     """
-    with threads_for(20 * len(order)):  # a search is heavier than the items that the threshold is meant for
+    with threads_for(30 * len(order)):  # a search is heavier than the items that the threshold is meant for
         _search_chunks(-(-len(order) // _CHUNK), *blocks, places, order, own, squares, neighbours)
 
 

@@ -19,6 +19,9 @@ from surfel.surface.sampling_error import HALVES_FROM, TOO_NOISY
 FEW_POINTS = 100
 """With fewer points no interval is called reliable."""
 
+RAGGED = 0.025
+"""Roughness of the points as they are, as a share of the area, above which neighbours do not lie on one surface."""
+
 TOO_COARSE = 0.12
 """An interval wider than this share of the value, to either side, means that the points do not show the shape."""
 
@@ -110,15 +113,16 @@ def _area_of_cloud(surface: CloudSurface, counted: LineResult | None) -> Estimat
         )
     elif local.noise > TOO_NOISY:
         reasons.append(f"noise of {local.noise:.2f} spacings hides the surface")
-    if points >= HALVES_FROM and error * 1.96 > TOO_COARSE * value:
+    ragged = not local.projected and local.roughness > RAGGED * local.area
+    if points >= HALVES_FROM and (ragged or error * 1.96 > TOO_COARSE * value):
         reasons.append(f"the sampling is too coarse for the shape: {_coarse(surface)}")
     return Estimate(value, error, reliable=not reasons, reason="; ".join(reasons))
 
 
 def _coarse(surface: CloudSurface) -> str:
     """Say what tells that the points lie too far apart."""
-    _, sampling = surface.known
-    if sampling.thinning + sampling.halves > math.hypot(sampling.border, sampling.roughness, sampling.noise):
+    local, sampling = surface.known
+    if sampling.thinning + sampling.halves > TOO_COARSE * local.area:
         return "halving it changes the area a lot"
     return "the surface is rough or ragged at the distance of the points"
 

@@ -19,6 +19,7 @@ from surfel.core.patches import Patches
 from surfel.index.bvh import TriangleBvh
 from surfel.lines.bundles import Bundles
 from surfel.shapes.sheets import CloudCrossings, crossings_of
+from surfel.surface.close_sheets import faces_one_way
 from surfel.surface.fans import STAR, Fans, build_fans
 from surfel.surface.neighbourhoods import Neighbourhoods, cleaned
 from surfel.surface.noise import is_two_sheets
@@ -26,7 +27,6 @@ from surfel.surface.orient import Orientation, orient
 from surfel.surface.overlay import is_overlay
 from surfel.surface.patches import LocalPatches, local_patches
 from surfel.surface.sampling_error import SamplingError, sampling_error
-from surfel.surface.steps import faces_one_way
 
 if TYPE_CHECKING:
     from surfel.shapes.clips import Clips

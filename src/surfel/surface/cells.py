@@ -27,10 +27,6 @@ where they lie in good order: a gap that is common among random points is a hole
 SHIFT_NEAR, SHIFT_FAR = 0.02, 0.12
 """How far, in spacings, an open point is moved inward when it is asked whether the others cover its place."""
 
-LOOSE, STRICT = 2.0, 0.25
-"""How far, in its distance, a neighbour may lie off the arc of a circle that its normal and the point's own describe:
-anything, or so little that it cannot be on another sheet."""
-
 FACET = 4
 """The bit of ``uncovered`` that tells that a point and its nearest neighbour lie exactly in both planes."""
 
@@ -92,7 +88,7 @@ def clip_cells(
     proof: int,
     *,
     final: bool,
-    twist: float = LOOSE,
+    twist: float = 2.0,
 ) -> None:
     """Clip the cells of the chosen points and write them into ``cells``.
 
@@ -115,8 +111,7 @@ def clip_cells(
     proof : int
         How many points beyond an edge show that the surface goes on there: 1, or 2 where normals are less certain.
     twist : float
-        How far, in its distance, a neighbour with like normals may lie off the arc through both: ``STRICT`` parts
-        sheets half a spacing apart, where normals can be trusted.
+        How far, in its distance, a neighbour with like normals may lie off the arc of a circle that both describe.
     final : bool
         Settle what these neighbours can tell, though farther ones might change an insecure cell.
     """

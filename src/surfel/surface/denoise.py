@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +11,9 @@ from numpy.typing import NDArray
 from surfel.core.cast import Floats
 from surfel.core.execute import blocks
 from surfel.surface.neighbourhoods import Neighbourhoods
-from surfel.surface.normals import Planes, choose_planes, fit_planes
+from surfel.surface.normals import ROUGH, Planes, choose_planes, fit_planes
 from surfel.surface.projection import project
+from surfel.surface.uneven_noise import local_levels
 
 LEAST_RANDOM, LEAST_REGULAR = 0.012, 0.04
 """Noise, in spacings, below which points are left where they are: where they lie at random, and in good order.
@@ -23,9 +25,6 @@ lose more by being smoothed than by a little noise.
 TWICE_FROM = 0.15
 """Noise, in spacings, from which points are projected twice."""
 
-LEFT_ONCE, LEFT_TWICE = 0.12, 0.043
-"""Roughness of a plane after one or two projections over 24 neighbours, in squares of the noise."""
-
 _ROWS = 1 << 17  # wide neighbourhoods are looked up for so many points at a time, and never stored whole
 
 
@@ -34,18 +33,30 @@ def matters(noise: float, order: float) -> bool:
     return noise > float(np.interp(order, [0.55, 0.75], [LEAST_RANDOM, LEAST_REGULAR]))
 
 
-def fit_width(noise: float, points: int) -> int:
-    """Return how many neighbours the quadric is fitted to: 150 sigma^2, at least 24."""
-    return int(min(np.clip(150.0 * noise * noise, 24, 500), max(points // 8, 6)))
+def fit_widths(levels: Floats, points: int, twice: bool) -> NDArray[np.int32]:
+    """Return how many neighbours the quadrics are fitted to, for the noise at each point, in spacings there.
+
+    24 where they are fitted once; where twice 18, 6 + 52 sigma, or 130 sigma^2, whichever is most.
+    """
+    wide = np.full(len(levels), 24.0)
+    if twice:
+        wide = np.maximum(np.maximum(18.0, 6.0 + 52.0 * levels), 130.0 * np.square(levels))
+    return np.asarray(np.minimum(np.minimum(wide, 500.0), max(points // 8, 6)), np.int32)
 
 
-def left_over(noise: float, points: int) -> float:
-    """Return the roughness that the noise left by projection has on a plane; it falls with the cube of the width."""
-    width = fit_width(noise, points) / 24.0
-    return (LEFT_ONCE if noise < TWICE_FROM else LEFT_TWICE) * noise * noise / width**3
+class Denoised(NamedTuple):
+    """Projected points, and their normals, sums of principal curvatures, and noise that they had, in spacings there.
+
+    All are in the order of the new index.
+    """
+
+    hood: Neighbourhoods
+    normals: Floats
+    bend: Floats
+    levels: Floats
 
 
-def denoise(hood: Neighbourhoods, noise: float) -> tuple[Neighbourhoods, Floats]:
+def denoise(hood: Neighbourhoods, noise: float, falls: float = 0.0) -> Denoised:
     """Project every point onto its moving-least-squares quadric: once, or twice above 0.15 spacings of noise.
 
     Parameters
@@ -53,43 +64,50 @@ def denoise(hood: Neighbourhoods, noise: float) -> tuple[Neighbourhoods, Floats]
     hood : Neighbourhoods
         Of the noisy points.
     noise : float
-        Their standard deviation off the surface, in spacings.
+        Their standard deviation off the surface, in mean spacings.
+    falls : float
+        The power of the spacing with which the noise, in spacings, falls: 0 if it grows with the spacing, 1 if it keeps
+        its length.
 
     Returns
     -------
-    hood : Neighbourhoods
-        Of the projected points.
-    normals : Floats, shape (n, 3)
-        Of the fitted quadrics, in the order of the new index.
+    Denoised
+        The normals are those of the fitted quadrics.
     """
-    k = fit_width(noise, len(hood))
-    normals = _wide_normals(hood, k, noise)
+    levels = local_levels(hood, noise, falls)
+    counts = fit_widths(levels, len(hood), noise >= TWICE_FROM)
+    rough = np.maximum(ROUGH, 1.5 * levels) * hood.spacing
+    normals, bend = _wide_normals(hood, counts, rough), np.zeros(len(hood))
     for _ in range(1 if noise < TWICE_FROM else 2):
-        moved, turned = _project_all(hood, normals, k)
+        moved, turned, bend = _project_all(hood, normals, counts)
         rows, moved = hood.rows, moved + hood.index.origin
         del hood  # before the next one takes its place
         hood = Neighbourhoods.of(moved, np.arange(len(rows)))
-        normals = turned[hood.rows]
-        hood = replace(hood, rows=rows[hood.rows])
-    return hood, normals
+        here = hood.rows
+        normals, bend, levels, counts = turned[here], bend[here], levels[here], counts[here]
+        hood = replace(hood, rows=rows[here])
+    return Denoised(hood, normals, bend, levels)
 
 
-def _wide_normals(hood: Neighbourhoods, k: int, noise: float) -> Floats:
+def _wide_normals(hood: Neighbourhoods, counts: NDArray[np.int32], rough: Floats) -> Floats:
     planes = Planes.empty(len(hood))
     for rows in _row_blocks(len(hood)):
-        fit_planes(hood.points, rows, _wide(hood, k, rows), k, planes)
-    return choose_planes(hood.points, hood.near, hood.spacing, planes, rough=max(0.1, 1.5 * noise), better=0.7)
+        fit_planes(hood.points, rows, _wide(hood, counts, rows), counts[rows], planes)
+    return choose_planes(hood.points, hood.near, rough, planes, better=0.7)
 
 
-def _project_all(hood: Neighbourhoods, normals: Floats, k: int) -> tuple[Floats, Floats]:
-    parts = [project(hood.points, normals, rows, _wide(hood, k, rows)) for rows in _row_blocks(len(hood))]
-    return np.concatenate([moved for moved, _ in parts]), np.concatenate([turned for _, turned in parts])
+def _project_all(hood: Neighbourhoods, normals: Floats, counts: NDArray[np.int32]) -> tuple[Floats, Floats, Floats]:
+    blocks_of_rows = _row_blocks(len(hood))
+    parts = [project(hood.points, normals, rows, _wide(hood, counts, rows), counts[rows]) for rows in blocks_of_rows]
+    moved, turned, bend = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return moved, turned, bend
 
 
-def _wide(hood: Neighbourhoods, k: int, rows: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the k nearest neighbours of some rows; those that are kept already are not looked up again."""
+def _wide(hood: Neighbourhoods, counts: NDArray[np.int32], rows: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return as many neighbours of some rows as most of them need; those that are kept already are used again."""
+    k = int(counts[rows].max())
     if k <= hood.near.shape[1]:
-        return np.ascontiguousarray(hood.near[rows[0] : rows[-1] + 1, :k])
+        return np.ascontiguousarray(hood.near[rows[0] : rows[-1] + 1])
     return hood.index.knn(k, rows)[1]
 
 

@@ -26,6 +26,10 @@ QUANTILES = np.array([0.1, 0.2, 0.3, 0.5])
 QUANTILES_OF_WHITE_NOISE = np.array([0.66, 0.75, 0.83, 0.96])
 """The level that each quantile shows for noise of level 1, measured on spheres."""
 
+NEAR_GROWTH, FAR_SHARE = 0.37, 0.926
+"""Noise along the surface widens the spacing that 16 neighbours show, by this share of the square of the level; and the
+level that larger neighbourhoods show is too large (measured on spheres)."""
+
 
 class NeighbourSource(Protocol):
     """What the surface estimators ask of an index: its sorted points, and neighbours as rows of them."""
@@ -79,7 +83,7 @@ def _along_the_cloud(points: Floats) -> Floats:
     return np.asarray(x * x[far] + y * y[far] + z * z[far])
 
 
-def noise_level(index: NeighbourSource) -> float:
+def noise_level(index: NeighbourSource, chosen: NDArray[np.int32] | None = None) -> float:
     """Estimate the standard deviation of the points off the surface, in spacings.
 
     Quadrics are fitted to small and to three times larger neighbourhoods; the residual of white noise is the same in
@@ -95,6 +99,8 @@ def noise_level(index: NeighbourSource) -> float:
     ----------
     index : NeighbourSource
         Of the cloud.
+    chosen : NDArray[np.int32], optional
+        The rows that are asked; a sample of all by default.
 
     Returns
     -------
@@ -104,13 +110,15 @@ def noise_level(index: NeighbourSource) -> float:
     n = len(index.points)
     if n <= 4 * 48:
         return 0.0
-    chosen = sample_rows(index.points, SAMPLE)
+    if chosen is None:
+        chosen = sample_rows(index.points, SAMPLE)
     level, flattest = 0.0, math.inf
     wide = 48
     while wide < n // 4 and wide <= 432:
         residual = np.empty((len(chosen), 3))
         _quadric_residuals(len(chosen), index.points, chosen, index.knn(wide, chosen)[1], wide // 3, residual)
         level = _white_part(residual[:, 0], residual[:, 1])
+        level *= 1.0 + NEAR_GROWTH * min(level, 1.0) ** 2 if wide == 48 else FAR_SHARE
         if wide == 48:
             flattest = float(np.quantile(residual[:, 2], 0.10)) / 0.5
         if np.median(residual[:, 0]) * math.sqrt(math.pi / (wide // 3)) < 0.17:

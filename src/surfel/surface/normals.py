@@ -16,6 +16,9 @@ from surfel.surface.projection import project
 NEIGHBOURS = 12
 """How many neighbours a plane is fitted to."""
 
+ROUGH = 0.1
+"""Residual, in spacings, above which a plane cuts a corner."""
+
 CANDIDATES = 24
 """Among how many neighbours a point near an edge looks for a cleaner plane."""
 
@@ -51,31 +54,40 @@ def fitted_normals(points: Floats, neighbours: NDArray[np.int32], spacing: Float
     """
     everyone = np.arange(len(points), dtype=np.int32)
     planes = Planes.empty(len(points))
-    fit_planes(points, everyone, neighbours, NEIGHBOURS, planes)
-    chosen = choose_planes(points, neighbours, spacing, planes)
-    return project(points, chosen, everyone, np.ascontiguousarray(neighbours[:, :NEIGHBOURS]))[1]
+    counts = widths(len(points), NEIGHBOURS, neighbours)
+    fit_planes(points, everyone, neighbours, counts, planes)
+    chosen = choose_planes(points, neighbours, ROUGH * spacing, planes)
+    return project(points, chosen, everyone, neighbours, counts)[1]
+
+
+def widths(rows: int, k: int, neighbours: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the same number of neighbours, k or as many as there are, for every row."""
+    return np.full(rows, min(k, neighbours.shape[1]), np.int32)
 
 
 def fit_planes(
-    points: Floats, chosen: NDArray[np.int32], neighbours: NDArray[np.int32], k: int, planes: Planes
+    points: Floats,
+    chosen: NDArray[np.int32],
+    neighbours: NDArray[np.int32],
+    counts: NDArray[np.int32],
+    planes: Planes,
 ) -> None:
-    """Fit a plane to each of the chosen points and its first k neighbours, and write it into ``planes``."""
+    """Fit a plane to each of the chosen points and the first ``counts`` of its neighbours; write it into ``planes``."""
     with threads_for(8 * len(chosen)):
-        _fit(len(chosen), points, chosen, neighbours, min(k, neighbours.shape[1]), *planes)
+        _fit(len(chosen), points, chosen, neighbours, counts, *planes)
 
 
 def choose_planes(
     points: Floats,
     neighbours: NDArray[np.int32],
-    spacing: Floats,
+    rough: Floats,
     planes: Planes,
     *,
-    rough: float = 0.1,
     better: float = 0.5,
 ) -> Floats:
     """Give each point near an edge the normal of the neighbour whose plane fits it best.
 
-    Round an edge a least-squares plane cuts the corner. Where the residual exceeds ``rough`` spacings, the point takes
+    Round an edge a least-squares plane cuts the corner. Where the residual exceeds ``rough``, the point takes
     the normal of that neighbour j whose plane has the least ``sqrt(residual_j^2 + distance to plane_j^2)``, if that is
     below ``better`` times its own residual (Kuwahara's filter, on planes).
 
@@ -90,9 +102,8 @@ def choose_planes(
             len(points),
             points,
             neighbours,
-            spacing,
-            min(CANDIDATES, neighbours.shape[1]),
             rough,
+            min(CANDIDATES, neighbours.shape[1]),
             better,
             *planes,
             chosen,
@@ -101,20 +112,20 @@ def choose_planes(
 
 
 @rows
-def _fit(first, last, points, chosen, neighbours, k, normal, residual, centre):
+def _fit(first, last, points, chosen, neighbours, counts, normal, residual, centre):
     for row in range(first, last):
         i = chosen[row]
-        nx, ny, nz, r, cx, cy, cz = plane_of_neighbours(points, i, neighbours, row, k)
+        nx, ny, nz, r, cx, cy, cz = plane_of_neighbours(points, i, neighbours, row, np.int64(counts[row]))
         normal[i, 0], normal[i, 1], normal[i, 2] = nx, ny, nz
         centre[i, 0], centre[i, 1], centre[i, 2] = cx, cy, cz
         residual[i] = r
 
 
 @rows
-def _choose(first, last, points, neighbours, spacing, candidates, rough, better, normal, residual, centre, chosen):
+def _choose(first, last, points, neighbours, rough, candidates, better, normal, residual, centre, chosen):
     for i in range(first, last):
         source = -1
-        if residual[i] >= rough * spacing[i]:
+        if residual[i] >= rough[i]:
             best = better * residual[i]
             for a in range(candidates):
                 j = neighbours[i, a]

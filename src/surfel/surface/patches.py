@@ -7,7 +7,7 @@ roughness; and the mass that the outermost points of a border stand for.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +15,16 @@ from numpy.typing import NDArray
 from surfel.core.cast import Floats
 from surfel.core.execute import blocks
 from surfel.surface.border import border_share, nearby_cells
-from surfel.surface.cells import FACET, LOOSE, STRICT, Cells, clip_cells, reach_of
-from surfel.surface.denoise import LEAST_RANDOM, denoise, left_over, matters
+from surfel.surface.cells import FACET, Cells, clip_cells, reach_of
+from surfel.surface.close_sheets import has_close_sheets
+from surfel.surface.denoise import Denoised, denoise, matters
+from surfel.surface.flattened import restored
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.noise import noise_level
 from surfel.surface.normals import fitted_normals
 from surfel.surface.steps import DENIED_BELOW, given_level, step_level
+from surfel.surface.twist import LOOSE, STRICT, largest_twist
+from surfel.surface.uneven_noise import uneven_level
 
 SHARED = 1.4
 """How much farther the points of one of two close sheets lie apart than the spacing, which counts those of both."""
@@ -32,11 +36,9 @@ FINE_RELIEF_GIVEN, FINE_RELIEF_FITTED = 0.75, 1.0
 """How much of the roughness that the normals show between points counts. Given normals show all of it, some of which
 the cells, unrolled over it, have already; normals fitted to the points are smoother (tuned on the bunny)."""
 
-FLATTENED, FLATTENED_BY_NOISE = 1.25, 3.0
-"""Relief that projection takes off, in units of the relief that it leaves: without noise, and more with each spacing
-of it. Noise that it leaves does ``LEFT_BY_NOISE`` times its roughness. (Fitted to the calibrating shapes.)"""
-
-LEFT_BY_NOISE = 1.08
+WIDENED, WIDENED_FROM = 0.65, 0.13
+"""By how much of a square spacing each spacing of noise, above so many, widens the border at an open point (fitted to
+the open ones of the calibrating shapes)."""
 
 STEEP, CLEAN = 35.0, 0.006
 """What noise adds to the area of random points that are left where they are, in squares of its level; and the level
@@ -64,7 +66,9 @@ class LocalPatches:
     roughness : float
         Sum of cell area times roughness.
     noise : float
-        In spacings; as estimated before projection.
+        In mean spacings; as estimated before projection.
+    falls : float
+        The power of the spacing with which the noise, in spacings there, falls.
     random_border : bool
         Whether the border looks like that of randomly scattered points.
     projected : bool
@@ -83,6 +87,8 @@ class LocalPatches:
     random_border: bool
     projected: bool
     sheets: bool = False
+    falls: float = 0.0
+    restored: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
     @property
     def area(self) -> float:
@@ -97,6 +103,7 @@ def local_patches(
     star: int = 0,
     *,
     sheets: bool = False,
+    falls: float = 0.0,
 ) -> LocalPatches:
     """Estimate the patches of a cloud.
 
@@ -112,6 +119,8 @@ def local_patches(
         How many neighbours round each cell to keep, for the fans.
     sheets : bool
         Where the noise level is known: whether the normals told close sheets from noise.
+    falls : float
+        Where the noise level is known: the power of the spacing with which it falls.
 
     Returns
     -------
@@ -121,21 +130,27 @@ def local_patches(
     level = noise
     if level is None:
         level, sheets = _level(hood, normals)
+        level, falls = uneven_level(hood, level)
     if matters(level, hood.order):
-        smooth, fitted = denoise(hood, level)
-        return _patches_of(smooth, fitted, level, star, projected=True)
+        smooth = denoise(hood, level, falls)
+        return replace(_patches_of(smooth.hood, smooth.normals, level, star, smooth), falls=falls)
     known = None if normals is None else normals[hood.rows]
-    return _patches_of(hood, known, level, star, projected=False, sheets=sheets)
+    return _patches_of(hood, known, level, star, sheets=sheets)
 
 
 def _level(hood: Neighbourhoods, normals: Floats | None) -> tuple[float, bool]:
-    """Return the noise of the points, and whether what looks like noise is sheets that good normals tell apart."""
+    """Return the noise of the points, and whether good normals tell sheets that lie closer than their points.
+
+    Such sheets look like noise, which good normals deny.
+    """
     level, steps = noise_level(hood.index), step_level(hood)
     level = steps if steps > 0.0 and level < DENIED_BELOW else max(level, steps)
-    if normals is None or level < LEAST_RANDOM:
+    if normals is None:
         return level, False
     given = given_level(hood, normals[hood.rows])
-    return (min(level, given), level > 3.0 * given) if given < DENIED_BELOW else (level, False)
+    if given >= DENIED_BELOW:
+        return level, False
+    return min(level, given), has_close_sheets(hood, normals[hood.rows])
 
 
 def _patches_of(
@@ -143,36 +158,33 @@ def _patches_of(
     normals: Floats | None,
     noise: float,
     star: int,
+    smooth: Denoised | None = None,
     *,
-    projected: bool,
     sheets: bool = False,
 ) -> LocalPatches:
     """Estimate the patches of points that are as clean as they will get."""
+    projected = smooth is not None
     relief = FINE_RELIEF_FITTED if normals is None else FINE_RELIEF_GIVEN
+    twist = STRICT if sheets else LOOSE if projected or normals is None else largest_twist(hood, normals)
     normals = _completed(hood, normals)
-    cells = _settled_cells(hood, normals, star, 2 if projected else 1, STRICT if sheets else LOOSE)
+    cells = _settled_cells(hood, normals, star, 2 if projected else 1, twist)
     border, random_border = _border(hood, cells)
     areas = cells.area * (1.0 + cells.curved)
     rough = areas * cells.rough
-    if projected:
-        areas = (
-            areas + _flattened(areas, rough, noise) + border - _noisy_border(cells, hood.spacing, noise, random_border)
-        )
+    back = [0.0] * 4
+    if smooth is not None:
+        parts = [areas * share for share in restored(cells.rough, smooth.bend, hood.spacing, smooth.levels)]
+        parts.append(_noisy_border(cells, hood.spacing, smooth.levels, random_border))
+        back = [float(part.sum()) for part in parts]
+        areas = areas + sum(parts) + border
     else:
         steep = STEEP * max(0.0, noise * noise - CLEAN * CLEAN) * float(np.interp(hood.order, [0.55, 0.75], [1.0, 0.0]))
         areas = areas * (1.0 - steep) + border + relief * _fine_relief(hood, cells) * rough
     roughness = float(rough.sum())
-    return LocalPatches(hood, normals, areas, cells, border, roughness, noise, random_border, projected, sheets)
-
-
-def _flattened(areas: Floats, rough: Floats, noise: float) -> Floats:
-    """Return what projection took off the relief, less what the noise that it left has added.
-
-    The roughness that is left is partly noise, and how much is known from the level. The rest is relief, and where some
-    is left more has been flattened.
-    """
-    taken, noisy = FLATTENED + FLATTENED_BY_NOISE * noise, left_over(noise, len(areas)) * areas
-    return taken * (rough - noisy) - LEFT_BY_NOISE * noisy
+    return LocalPatches(
+        hood, normals, areas, cells, border, roughness, noise, random_border, projected, sheets,
+        restored=(back[0], back[1], back[2], back[3]),
+    )  # fmt: skip
 
 
 def _fine_relief(hood: Neighbourhoods, cells: Cells) -> float:
@@ -240,8 +252,9 @@ def _in_blocks(rows: NDArray[np.int32]) -> list[NDArray[np.int32]]:
     return [rows[start:stop] for start, stop in blocks(len(rows), _ROWS)]
 
 
-def _noisy_border(cells: Cells, spacing: Floats, noise: float, random_border: bool) -> Floats | float:
-    """Return by how much noise, projected along bent normals, has widened the border at each open point."""
-    if noise <= 0.15 or not random_border:
-        return 0.0
-    return np.where(cells.closed == 0, noise * min(1.15, 0.65 + 0.28 * noise) * spacing * spacing, 0.0)
+def _noisy_border(cells: Cells, spacing: Floats, levels: Floats, random_border: bool) -> Floats:
+    """Return, as a loss, by how much noise, projected along bent normals, has widened the border at each open point."""
+    if not random_border:
+        return np.zeros(len(levels))
+    widened = WIDENED * np.maximum(0.0, levels - WIDENED_FROM)
+    return np.where(cells.closed == 0, -widened * spacing * spacing, 0.0)

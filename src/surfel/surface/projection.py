@@ -21,13 +21,14 @@ def project(
     normals: Floats,
     chosen: NDArray[np.int32],
     neighbours: NDArray[np.int32],
+    counts: NDArray[np.int32],
     *,
     alike: float = 0.8,
-) -> tuple[Floats, Floats]:
+) -> tuple[Floats, Floats, Floats]:
     """Move points along their normals onto a quadric fitted to their neighbours with Gaussian weights.
 
-    The width of the Gaussian is half the distance to the farthest neighbour. Neighbours whose normal makes
-    ``|cos| < alike`` with the point's own are left out of its fit, so that an edge is not rounded.
+    The width of the Gaussian is half the distance to the farthest of the neighbours that are taken. Neighbours whose
+    normal makes ``|cos| < alike`` with the point's own are left out of its fit, so that an edge is not rounded.
 
     Parameters
     ----------
@@ -37,6 +38,8 @@ def project(
         Which points to move.
     neighbours : NDArray[np.int32], shape (m, k)
         Their nearest neighbours, ascending by distance.
+    counts : NDArray[np.int32], shape (m,)
+        How many of them the fit of each point takes.
     alike : float
         Least absolute cosine between the normals of a point and of a neighbour that takes part.
 
@@ -44,20 +47,22 @@ def project(
     -------
     points, normals : Floats, shape (m, 3)
         On the fitted quadrics.
+    bend : Floats, shape (m,)
+        Sum of the principal curvatures of these, of either sign.
     """
-    moved, turned = np.empty((len(chosen), 3)), np.empty((len(chosen), 3))
+    moved, turned, bend = np.empty((len(chosen), 3)), np.empty((len(chosen), 3)), np.empty(len(chosen))
     with threads_for(len(chosen) * neighbours.shape[1]):
         chunks = (len(chosen) + _CHUNK - 1) // _CHUNK
-        _project(chunks, points, normals, chosen, neighbours, alike, moved, turned)
-    return moved, turned
+        _project(chunks, points, normals, chosen, neighbours, counts, alike, moved, turned, bend)
+    return moved, turned, bend
 
 
 @rows
-def _project(begin, end, points, normals, chosen, neighbours, alike, moved, turned):
-    m, k = neighbours.shape
+def _project(begin, end, points, normals, chosen, neighbours, counts, alike, moved, turned, bend):
+    m = len(chosen)
     matrix, right = np.empty((6, 6)), np.empty(6)
     for row in range(begin * _CHUNK, min(m, end * _CHUNK)):
-        i = chosen[row]
+        i, k = chosen[row], counts[row]
         px, py, pz = points[i, 0], points[i, 1], points[i, 2]
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
         ex, ey, ez, fx, fy, fz = tangent_frame(nx, ny, nz)
@@ -106,6 +111,7 @@ def _project(begin, end, points, normals, chosen, neighbours, alike, moved, turn
         if count < _LEAST:
             moved[row, 0], moved[row, 1], moved[row, 2] = px, py, pz
             turned[row, 0], turned[row, 1], turned[row, 2] = nx, ny, nz
+            bend[row] = 0.0
             continue
         ridge = 1e-9 * s00
         matrix[0, 0] = s00 + ridge
@@ -119,6 +125,7 @@ def _project(begin, end, points, normals, chosen, neighbours, alike, moved, turn
         right[0], right[1], right[2], right[3], right[4], right[5] = t00, t10, t01, t20, t11, t02
         solve_spd(matrix, right)
         moved[row, 0], moved[row, 1], moved[row, 2] = px + right[0] * nx, py + right[0] * ny, pz + right[0] * nz
+        bend[row] = 2.0 * (right[3] + right[5]) * inverse * inverse
         su, sv = right[1] * inverse, right[2] * inverse
         tx, ty, tz = nx - su * ex - sv * fx, ny - su * ey - sv * fy, nz - su * ez - sv * fz
         length = 1.0 / math.sqrt(tx * tx + ty * ty + tz * tz)

@@ -127,39 +127,3 @@ def _write_offsets(first, last, points, normals, chosen, near, spacing, off):
                 continue
             off[row] = 0.5 * abs(own + other if cosine > 0.0 else own - other) / spacing[i]
             break
-
-
-def faces_one_way(hood: Neighbourhoods, normals: Floats) -> bool:
-    """Tell whether sheets that lie closer than their points have normals of one sign, as layers of scans have.
-
-    The two sides of a plate face away from each other. Where signs are not known they agree as often as not.
-
-    Parameters
-    ----------
-    hood : Neighbourhoods
-        Of the points.
-    normals : Floats, shape (n, 3)
-        In the order of ``hood``, with the signs that were given.
-    """
-    chosen = sample_rows(hood.points, SAMPLE)
-    signs = np.zeros((len(chosen), 2))
-    _count_signs(len(chosen), hood.points, normals, chosen, hood.near, signs)
-    same, other = signs.sum(axis=0)
-    return bool(same > 0.9 * (same + other))
-
-
-@rows
-def _count_signs(first, last, points, normals, chosen, near, signs):
-    """Count the neighbours on other sheets by whether they face the same way."""
-    for row in range(first, last):
-        i = chosen[row]
-        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-        for a in range(min(12, near.shape[1])):
-            j = near[i, a]
-            dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-            cosine = nx * normals[j, 0] + ny * normals[j, 1] + nz * normals[j, 2]
-            own = dx * nx + dy * ny + dz * nz
-            other = dx * normals[j, 0] + dy * normals[j, 1] + dz * normals[j, 2]
-            off = own + other if cosine > 0.0 else own - other
-            if abs(cosine) > 0.9 and off * off > 0.36 * (dx * dx + dy * dy + dz * dz):
-                signs[row, 0 if cosine > 0.0 else 1] += 1.0

@@ -1,0 +1,71 @@
+"""Sheets that lie closer than their points, told by given normals: both sides of a plate, or layers of scans."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from surfel._numba import rows
+from surfel.core.cast import Floats
+from surfel.surface.neighbourhoods import Neighbourhoods
+from surfel.surface.noise import SAMPLE, sample_rows
+
+SHARE = 0.15
+"""So much of the nearest neighbours lies on other sheets, where sheets are closer than their points."""
+
+_NEAR = 12  # neighbours that are asked: those that tell the spacing
+
+
+def has_close_sheets(hood: Neighbourhoods, normals: Floats) -> bool:
+    """Tell whether many of the neighbours that tell the spacing lie on another sheet.
+
+    Parameters
+    ----------
+    hood : Neighbourhoods
+        Of the points.
+    normals : Floats, shape (n, 3)
+        In the order of ``hood``, of either sign; zero where unknown.
+    """
+    same, other, asked = _counted(hood, normals)
+    return bool(same + other > SHARE * asked)
+
+
+def faces_one_way(hood: Neighbourhoods, normals: Floats) -> bool:
+    """Tell whether sheets that lie closer than their points have normals of one sign, as layers of scans have.
+
+    The two sides of a plate face away from each other. Where signs are not known they agree as often as not.
+
+    Parameters
+    ----------
+    hood : Neighbourhoods
+        Of the points.
+    normals : Floats, shape (n, 3)
+        In the order of ``hood``, with the signs that were given.
+    """
+    same, other, _ = _counted(hood, normals)
+    return bool(same > 0.9 * (same + other))
+
+
+def _counted(hood: Neighbourhoods, normals: Floats) -> tuple[float, float, int]:
+    """Return how many neighbours lie on other sheets and face the same way, or not; and how many were asked."""
+    chosen = sample_rows(hood.points, SAMPLE)
+    signs = np.zeros((len(chosen), 2))
+    _count_signs(len(chosen), hood.points, normals, chosen, hood.near, signs)
+    same, other = signs.sum(axis=0)
+    return float(same), float(other), len(chosen) * min(_NEAR, hood.near.shape[1])
+
+
+@rows
+def _count_signs(first, last, points, normals, chosen, near, signs):
+    """Count the neighbours on other sheets by whether they face the same way."""
+    for row in range(first, last):
+        i = chosen[row]
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        for a in range(min(_NEAR, near.shape[1])):
+            j = near[i, a]
+            dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+            cosine = nx * normals[j, 0] + ny * normals[j, 1] + nz * normals[j, 2]
+            own = dx * nx + dy * ny + dz * nz
+            other = dx * normals[j, 0] + dy * normals[j, 1] + dz * normals[j, 2]
+            off = own + other if cosine > 0.0 else own - other
+            if abs(cosine) > 0.9 and off * off > 0.36 * (dx * dx + dy * dy + dz * dz):
+                signs[row, 0 if cosine > 0.0 else 1] += 1.0
