@@ -25,6 +25,7 @@ def data_file() -> Callable[[str], Path]:
 
     return find
 
+
 @pytest.fixture(scope="session", autouse=True)
 def _heed_interrupts() -> None:
     """A run in the background ignores interrupts, and so would the processes that tests start and interrupt."""
