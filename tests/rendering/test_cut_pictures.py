@@ -122,3 +122,24 @@ def test_the_result_of_combine_looks_as_the_tree_does():
     assert np.count_nonzero((image.ids >= 0) != (made.ids >= 0)) <= 0.01 * covered
     with np.errstate(invalid="ignore"):
         assert np.count_nonzero(np.abs(image.depth - made.depth) > 0.05) <= 0.02 * covered
+
+
+@pytest.mark.parametrize("cut", ["clip", "split"])
+def test_the_result_of_a_cut_shows_what_its_tree_shows_without_holes(cut):
+    """Its disks have the size of their shares; drawn so, random points would leave holes all over."""
+    rng = np.random.default_rng(3)
+
+    def random_ball(centre, radius):
+        normals = rng.standard_normal((6_000, 3))
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        return surfel.Surfels(radius * normals + centre, normals=normals)
+
+    tree = random_ball((0, 0, 0), 1.0) - random_ball((0.5, -0.7, 0.3), 0.8)
+    camera = surfel.Camera((2.2, -2.9, 1.7), (0, 0, 0), field=42)
+    whole = surfel.render(tree, camera, (240, 180))
+    result = surfel.render(surfel.combine(tree, cut=cut).surfels, camera, (240, 180))
+    covered = whole.ids >= 0
+    assert np.count_nonzero((result.ids >= 0) != covered) <= 0.01 * np.count_nonzero(covered)
+    both = covered & (result.ids >= 0)
+    deeper = np.abs(result.depth[both] - whole.depth[both]) > 0.05
+    assert np.count_nonzero(deeper) <= 0.02 * np.count_nonzero(covered)

@@ -117,6 +117,7 @@ def _normals(cloud: Surfels) -> Floats:
 
 
 def _radii(cloud: Surfels, index: PointIndex) -> Floats:
+    """Return how far disks reach: to the sixth neighbour at least, for those of a surfel's share leave holes."""
     n = len(cloud)
     if n == 1:
         reach = np.array([1e-3 * max(1.0, float(np.abs(cloud.points).max()))])
@@ -129,7 +130,7 @@ def _radii(cloud: Surfels, index: PointIndex) -> Floats:
     if cloud.radii is None:
         return reach
     given = cloud.radii[index.order]
-    return np.where(np.isfinite(given) & (given > 0.0), given, reach)
+    return np.where(np.isfinite(given), np.maximum(given, reach), reach)
 
 
 def _reach(squares: Floats) -> float:
