@@ -160,3 +160,16 @@ def test_bytes_in_sixteen_bit_words_are_not_black(factor):
     bytes_ = np.array([[255, 128, 0], [3, 4, 5]])
     assert eight_bit((bytes_ * factor).astype(np.uint16)).tolist() == bytes_.tolist()
     assert eight_bit(bytes_ / 255.0).tolist() == eight_bit(bytes_.astype(np.uint8)).tolist() == bytes_.tolist()
+
+
+def test_points_at_random_leave_hardly_a_hole():
+    """Disks to the sixth neighbour alone let some 40 of these pixels through, and 1.3 times as far."""
+    seen_through = 0
+    for seed in range(2):
+        normals = np.random.default_rng(seed).standard_normal((20_000, 3))
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        image = surfel.render(surfel.Surfels(normals, normals=normals), CAMERA, (640, 480))
+        truth = sphere_depths(CAMERA, (640, 480))
+        inside = np.isfinite(truth)
+        seen_through += np.count_nonzero(inside & ~(np.abs(image.depth - np.where(inside, truth, 0.0)) < 0.2))
+    assert seen_through <= 12

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from surfel.core.cast import Booleans, Floats
 from surfel.index.neighbours import PointIndex
 from surfel.rendering.bends import bends_of
+from surfel.rendering.cover import covering_radii
 from surfel.rendering.creases import crease_planes
 from surfel.shapes.judged import outward_normals
 from surfel.shapes.surfels import Surfels
@@ -20,6 +21,7 @@ from surfel.shapes.surfels import Surfels
 NEIGHBOUR = 6
 """A disk reaches to the sixth neighbour, or beyond."""
 
+BESIDE = 16  # neighbours whose cells may bound that of a surfel
 AROUND = 10  # neighbours that tell bends and creases
 _LARGEST = 8.0  # medians: strays shall not hide what is behind them
 
@@ -94,13 +96,14 @@ def _splats_of(cloud: Surfels) -> Splats:
     index = cloud.operand.index if cloud.clips is None else PointIndex(cloud.points)
     order = index.order
     normals = _normals(cloud)[order]
+    near = index.knn(min(BESIDE, len(cloud) - 1))[1] if len(cloud) > 1 else np.empty((1, 0), np.int32)
     axes = None
     if cloud.axes is None:
-        radii = _radii(cloud, index)
+        radii = covering_radii(index.points, normals, near, _radii(cloud, index))
     else:
         axes = cloud.axes[order].reshape(-1, 6)
         radii = np.sqrt(np.maximum((axes[:, :3] ** 2).sum(axis=1), (axes[:, 3:] ** 2).sum(axis=1)))
-    near = index.knn(min(AROUND, len(cloud) - 1))[1] if len(cloud) > 1 else np.empty((1, 0), np.int32)
+    near = np.ascontiguousarray(near[:, :AROUND])
     creased, own_clips, own_planes = crease_planes(index.points, normals, radii, near)
     rounded = creased & (np.diff(own_clips) == 0)
     bends = np.zeros(len(cloud)) if axes is not None else bends_of(index.points, normals, radii, near, rounded)
