@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import shapes_with_truth as truth
+import surfel
 from surfel.surface.denoise import denoise
 from surfel.surface.flattened import LEVELS, restored
 from surfel.surface.neighbourhoods import Neighbourhoods
@@ -90,3 +91,18 @@ def test_what_noise_leaves_on_a_sphere_is_known():
         drawn_in = restored(np.zeros(20_000), smooth.bend, smooth.hood.spacing, smooth.levels).drawn_in
         assert abs(drawn_in.mean()) < 0.0005
     assert not np.any(restored(np.zeros(1), np.zeros(1), np.ones(1), LEVELS[:1]))
+
+
+@pytest.mark.parametrize("sides", [10, 12, 16])
+def test_the_folds_of_a_prism_are_not_taken_for_two_sheets(sides):
+    """Its faces meet at 36, 30 and 22.5 degrees; refused neighbours across them would each widen a cell."""
+    rng = np.random.default_rng(sides)
+    n = 20_000
+    turn = 2.0 * np.pi / sides
+    face, u, height = rng.integers(0, sides, n), rng.random(n) - 0.5, 3.0 * rng.random(n)
+    normals = np.column_stack([np.cos(face * turn), np.sin(face * turn), np.zeros(n)])
+    along = np.column_stack([-normals[:, 1], normals[:, 0], np.zeros(n)])
+    width = 2.0 * np.tan(turn / 2.0)
+    points = normals + along * (width * u)[:, None] + np.column_stack([np.zeros((n, 2)), height])
+    area = surfel.measure(surfel.Surfels(points, normals=normals)).area
+    assert abs(float(area) / (3.0 * sides * width) - 1.0) < 2.5e-3

@@ -166,8 +166,9 @@ def _clip_all(
                 if steep * steep > limit * limit * square:
                     continue
             if twist < 1.0 and abs(cosine) >= 0.8:
+                # Across a fold that is off by less than the sine of its angle; by more where two sheets run together.
                 off = own + other if cosine > 0.0 else own - other
-                if off * off > twist * twist * square:
+                if off * off > max(twist * twist, 1.02 * (1.0 - cosine * cosine)) * square:
                     continue
             verdict = 1
             if abs(cosine) < 0.8:
