@@ -28,6 +28,13 @@ _BAR_AFTER_SECONDS = 0.5
 _WIDTH_OF_A_PIPE = 160
 
 
+_COLD = {
+    "measure": "about 20 s on two cores, 30 s on one",
+    "report": "about 80 s on two cores, two minutes on one",
+}
+"""What compiling takes for the jobs that a second process helps with."""
+
+
 class Output:
     """Where one command's result, notes, warnings and progress go; use it as a context.
 
@@ -69,7 +76,7 @@ class Output:
 
     def _compiling(self) -> None:
         """Say that it takes a while, and have a second process help, unless this one belongs to other code."""
-        how_long = "about 20 s on two cores, 30 s on one" if self._job else "some seconds"
+        how_long = _COLD.get(self._job or "", "some seconds")
         self.note(f"compiling kernels, once after installing, {how_long}")
         if self._job and _notice.own_process:
             self._helper = warm.start(self._job)
