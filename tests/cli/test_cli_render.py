@@ -6,10 +6,10 @@ import json
 
 import numpy as np
 import pytest
+from benchmarks.render import ball
 from PIL import Image
 
 import surfel
-from pictured import ball
 from surfel.cli import main
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.render import ball, cube
 
 import surfel
-from pictured import ball, cube
 from surfel import Camera
 
 SIZE = (160, 120)

@@ -8,9 +8,9 @@ import pickle
 
 import numpy as np
 import pytest
+from benchmarks.render import ball
 
 import surfel
-from pictured import ball
 from surfel.core.estimate import Estimate
 from surfel.measuring.measurement import Measurement
 

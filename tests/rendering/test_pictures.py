@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.render import ball, cube
 
 import surfel
-from pictured import ball, cube
 from surfel import Camera
 
 SIZE = (160, 120)
@@ -163,7 +163,7 @@ def test_bytes_in_sixteen_bit_words_are_not_black(factor):
 
 
 def test_points_at_random_leave_hardly_a_hole():
-    """Disks to the sixth neighbour alone let some 40 of these pixels through, and 1.3 times as far."""
+    """Disks that reach 1.3 times as far as the sixth neighbour let some 40 of these pixels through."""
     seen_through = 0
     for seed in range(2):
         normals = np.random.default_rng(seed).standard_normal((20_000, 3))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel._numba import rows, threads_for
+from surfel._vec import tangent_frame
 from surfel.core.cast import Floats
 
 _DIRECTIONS = 16
@@ -43,13 +44,7 @@ def _cover(first, last, points, normals, near, cosines, sines, radii):
     k = near.shape[1]
     across, along, half = np.empty(k), np.empty(k), np.empty(k)
     for i in range(first, last):
-        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-        # An orthonormal frame of the plane (Duff et al. 2017).
-        sign = math.copysign(1.0, nz)
-        a = -1.0 / (sign + nz)
-        b = nx * ny * a
-        ux, uy, uz = 1.0 + sign * nx * nx * a, sign * b, -sign * nx
-        vx, vy, vz = b, sign + ny * ny * a, -ny
+        ux, uy, uz, vx, vy, vz = tangent_frame(normals[i, 0], normals[i, 1], normals[i, 2])
         for m in range(k):
             j = near[i, m]
             dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]

@@ -8,6 +8,7 @@ from surfel._numba import rows
 from surfel.core.cast import Floats
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.noise import SAMPLE, sample_rows
+from surfel.surface.twist import off_arc
 
 SHARE = 0.15
 """So much of the nearest neighbours lies on other sheets, where sheets are closer than their points."""
@@ -59,13 +60,7 @@ def _count_signs(first, last, points, normals, chosen, near, signs):
     """Count the neighbours on other sheets by whether they face the same way."""
     for row in range(first, last):
         i = chosen[row]
-        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
         for a in range(min(_NEAR, near.shape[1])):
-            j = near[i, a]
-            dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-            cosine = nx * normals[j, 0] + ny * normals[j, 1] + nz * normals[j, 2]
-            own = dx * nx + dy * ny + dz * nz
-            other = dx * normals[j, 0] + dy * normals[j, 1] + dz * normals[j, 2]
-            off = own + other if cosine > 0.0 else own - other
-            if abs(cosine) > 0.9 and off * off > 0.36 * (dx * dx + dy * dy + dz * dz):
+            cosine, off, _, square = off_arc(points, normals, i, near[i, a])
+            if abs(cosine) > 0.9 and off * off > 0.36 * square:
                 signs[row, 0 if cosine > 0.0 else 1] += 1.0

@@ -22,6 +22,7 @@ from surfel.core.cast import Floats
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.noise import SAMPLE, quadric_residual, sample_rows
 from surfel.surface.planes import plane_of_neighbours
+from surfel.surface.twist import off_arc
 
 CLOSE, FAR = 0.15, 0.3
 """Distances, in spacings, of pairs that are close, and of those that take over where noise drives close ones apart."""
@@ -114,16 +115,10 @@ def _write_offsets(first, last, points, normals, chosen, near, spacing, off):
     """Write how far the nearest neighbour of the same sheet lies off what both normals say; -1 where there is none."""
     for row in range(first, last):
         i = chosen[row]
-        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
         off[row] = -1.0
         for a in range(near.shape[1]):
-            j = near[i, a]
-            dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-            cosine = nx * normals[j, 0] + ny * normals[j, 1] + nz * normals[j, 2]
-            own = dx * nx + dy * ny + dz * nz
-            other = dx * normals[j, 0] + dy * normals[j, 1] + dz * normals[j, 2]
-            steep = abs(own) + abs(other)
-            if abs(cosine) < 0.8 or steep * steep > 0.36 * (dx * dx + dy * dy + dz * dz):
+            cosine, gap, steep, square = off_arc(points, normals, i, near[i, a])
+            if abs(cosine) < 0.8 or steep * steep > 0.36 * square:
                 continue
-            off[row] = 0.5 * abs(own + other if cosine > 0.0 else own - other) / spacing[i]
+            off[row] = 0.5 * abs(gap) / spacing[i]
             break

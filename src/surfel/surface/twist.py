@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from surfel._numba import rows
+from surfel._numba import inlined, rows
 from surfel.core.cast import Floats
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.noise import SAMPLE, sample_rows
@@ -46,13 +46,20 @@ def _write_twists(first, last, points, normals, chosen, near, off):
     """Write how far each near neighbour lies off the arc, in its distance; NaN where the normals are not alike."""
     for row in range(first, last):
         i = chosen[row]
-        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
         for a in range(off.shape[1]):
-            j = near[i, a]
-            dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-            cosine = nx * normals[j, 0] + ny * normals[j, 1] + nz * normals[j, 2]
-            own = dx * nx + dy * ny + dz * nz
-            other = dx * normals[j, 0] + dy * normals[j, 1] + dz * normals[j, 2]
-            gap = abs(own + other if cosine > 0.0 else own - other)
-            square = dx * dx + dy * dy + dz * dz
-            off[row, a] = gap / np.sqrt(square) if abs(cosine) >= 0.8 and square > 0.0 else np.nan
+            cosine, gap, _, square = off_arc(points, normals, i, near[i, a])
+            off[row, a] = abs(gap) / np.sqrt(square) if abs(cosine) >= 0.8 and square > 0.0 else np.nan
+
+
+@inlined
+def off_arc(points, normals, i, j):
+    """Return the cosine between two normals, how far j lies off the arc that they describe, how far off both planes
+    together, and the square of the step between the points.
+    """
+    nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+    mx, my, mz = normals[j, 0], normals[j, 1], normals[j, 2]
+    dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+    cosine = nx * mx + ny * my + nz * mz
+    own, other = dx * nx + dy * ny + dz * nz, dx * mx + dy * my + dz * mz
+    gap = own + other if cosine > 0.0 else own - other
+    return cosine, gap, abs(own) + abs(other), dx * dx + dy * dy + dz * dz
