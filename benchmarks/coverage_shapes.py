@@ -97,18 +97,18 @@ def _ellipsoid(_: int) -> KnownShape:
 
 
 def _tree(number: int) -> KnownShape:
-    """Return a Boolean tree of exact solids; its area is that of a million elements, to about 1e-5."""
+    """Return a Boolean tree of exact solids; area and volume are those of a million elements and lines, to 1e-5."""
     import surfel
     from benchmarks.random_trees import random_tree
 
     tree = random_tree(number)
-    area = float(surfel.measure(tree, lines=1 << 20, seed=3).area.value)
+    exact = surfel.measure(tree, lines=1 << 20, seed=3)
 
     def draw(n: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
         found = surfel.sample(tree, n, seed=int(rng.integers(1 << 31)))
         return found.points, found.normals
 
-    return KnownShape(f"tree {number}", area, draw)
+    return KnownShape(f"tree {number}", float(exact.area.value), draw, float(exact.volume.value))
 
 
 _FAMILIES: dict[str, Callable[[int], KnownShape]] = {

@@ -24,7 +24,24 @@ def of_triangles(name: str, vertices: Floats, triangles: NDArray[np.int32]) -> K
     real = np.linalg.norm(across, axis=1) > 1e-14
     triangles, across = triangles[real], across[real]
     source = Triangles(vertices, triangles, across / np.linalg.norm(across, axis=1, keepdims=True))
-    return KnownShape(name, float(source.areas.sum()), source.draw)
+    return KnownShape(name, float(source.areas.sum()), source.draw, volume_within(vertices, triangles))
+
+
+def volume_within(vertices: Floats, triangles: NDArray[np.int32]) -> float | None:
+    """Return the volume that triangles bound, or None where they have a border or are not turned one way.
+
+    Vertices at one place, as at the seams of a grid, are one vertex.
+    """
+    size = float(np.ptp(vertices, axis=0).max())
+    _, vertex = np.unique(np.round(vertices / (1e-9 * size)), axis=0, return_inverse=True)
+    corners = vertex.reshape(-1)[triangles]
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]).astype(np.int64)
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    there, back = (np.sort(edges[:, k] * len(vertices) + edges[:, 1 - k]) for k in (0, 1))
+    if not np.array_equal(there, back):
+        return None
+    a, b, c = (vertices[triangles[:, k]] - vertices[0] for k in range(3))
+    return abs(float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum())) / 6.0
 
 
 def of_grid(name: str, place: Place) -> KnownShape:

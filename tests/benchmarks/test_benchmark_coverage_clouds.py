@@ -45,6 +45,12 @@ def test_the_ellipsoid_has_the_area_of_its_formula():
     assert shape("ellipsoid").area == pytest.approx(float(measure(Ellipsoid((1.0, 0.6, 0.3))).area.value), rel=1e-4)
 
 
+def test_shapes_that_bound_a_solid_have_its_volume():
+    assert shape("ellipsoid").volume == pytest.approx(4.0 / 3.0 * np.pi * 0.18, rel=1e-4)
+    assert shape("moebius 1").volume is None
+    assert shape("terrain 1").volume is None
+
+
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 def test_clouds_are_what_they_are_called(sampling):
     case = Case("ellipsoid", 5000, sampling, 0.0, True, 1)
