@@ -12,6 +12,7 @@ from surfel.surface.denoise import denoise, fit_widths
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.noise import axial_ranks, is_two_sheets, noise_level, sample_rows
 from surfel.surface.projection import project
+from surfel.surface.quadric import RIDGE, gaussian, solve_quadric
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +51,40 @@ def test_projection_is_the_weighted_least_squares_quadric(rough_cloud, alike):
         slope = normals[i] - found[1] / width * a - found[2] / width * b
         np.testing.assert_allclose(turned[row], slope / np.linalg.norm(slope), atol=1e-4)
     assert fitted > 100
+
+
+def test_the_weight_is_the_exponential():
+    squares = np.linspace(0.0, 4.0, 1001)
+    np.testing.assert_allclose(gaussian.py_func(squares), np.exp(-0.5 * squares), rtol=1e-13)
+
+
+@pytest.mark.parametrize("points", [3, 6, 12])
+def test_the_quadric_solves_the_normal_equations_with_their_ridge(points):
+    rng = np.random.default_rng(points)
+    u, v = rng.standard_normal((2, points))
+    w, g = rng.standard_normal(points), rng.random(points)
+    powers = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3)]
+    powers += [(4, 0), (3, 1), (2, 2), (1, 3), (0, 4)]
+    sums = [(g * u**a * v**b).sum() for a, b in powers]
+    loads = [(g * u**a * v**b * w).sum() for a, b in powers[:6]]
+    found = solve_quadric.py_func(*sums, *loads)
+    base = np.stack([u**a * v**b for a, b in powers[:6]])
+    matrix = (base * g) @ base.T + RIDGE * g.sum() * np.diag([1, 1, 1, 1, 0.5, 1])
+    np.testing.assert_allclose(matrix @ np.array(found), loads, atol=1e-6 * np.abs(found).max())
+    if points == 12:
+        np.testing.assert_allclose(found, np.linalg.solve(matrix, loads), rtol=1e-9)
+
+
+def test_points_side_by_side_are_fitted_each_by_itself(rough_cloud):
+    points, normals = rough_cloud
+    near = naive.nearest(points, 24)[1]
+    counts = np.random.default_rng(1).integers(3, 25, 100).astype(np.int32)
+    chosen = np.arange(100, dtype=np.int32)
+    together = project(points, normals, chosen, near[:100], counts)
+    for row in range(100):
+        alone = project(points, normals, chosen[row : row + 1], near[row : row + 1], counts[row : row + 1])
+        for one, all_of_them in zip(alone, together, strict=True):
+            np.testing.assert_array_equal(one[0], all_of_them[row])
 
 
 def test_projection_does_not_depend_on_the_signs_of_the_neighbours(rough_cloud):

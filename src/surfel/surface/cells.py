@@ -30,7 +30,8 @@ SHIFT_NEAR, SHIFT_FAR = 0.02, 0.12
 FACET = 4
 """The bit of ``uncovered`` that tells that a point and its nearest neighbour lie exactly in both planes."""
 
-_ROOM = 48  # room for the corners of a cell while it is clipped
+_CORNERS = 44  # of a cell, at the most
+_ROOM = 2 * (_CORNERS + 1)  # for a cell while it is clipped: whatever rounding does, each corner gives one or two
 _CHUNK = 64
 
 
@@ -130,7 +131,7 @@ def _clip_all(
     u, v, who = np.empty(k), np.empty(k), np.empty(k, np.int32)
     wi, wj = np.empty(k), np.empty(k)  # heights over the two planes, wj past a smooth bend; NaN over an edge
     ax, ay, az = np.empty(k), np.empty(k), np.empty(k)
-    px, py, edge = np.empty(2 * _ROOM), np.empty(2 * _ROOM), np.empty(2 * _ROOM, np.int32)
+    px, py, beyond, edge = np.empty(2 * _ROOM), np.empty(2 * _ROOM), np.empty(2 * _ROOM), np.empty(2 * _ROOM, np.int32)
     for row in range(begin * _CHUNK, min(m, end * _CHUNK)):
         i = chosen[row]
         h = spacing[i]
@@ -197,16 +198,30 @@ def _clip_all(
             q = 0.5 * flat2
             if flat2 > 4.0 * reach2:
                 continue
-            cuts = False
-            for c in range(base, base + corners):
-                if px[c] * uu + py[c] * vv > q:
-                    cuts = True
-                    break
-            if not cuts:
+            # Clip the convex polygon by the half-plane p . (u, v) <= q. Everything is written and then kept or not:
+            # a branch for each corner would be foretold wrongly half of the time.
+            crossed, end = 0, base + corners
+            for c in range(base, end):
+                here = np.uint64(c)
+                beyond[here] = px[here] * uu + py[here] * vv - q
+                crossed |= 1 if beyond[here] > 0.0 else 0
+            if crossed == 0:
                 continue
             target = _ROOM - base
-            count = _cut(px, py, edge, np.int64(base), np.int64(corners), target, uu, vv, q, accepted - 1)
-            if count >= 3:
+            count = target
+            px[end], py[end], beyond[end] = px[base], py[base], beyond[base]
+            for c in range(base, end):
+                here, following, free = np.uint64(c), np.uint64(c + 1), np.uint64(count)
+                x, y, s, t, label = px[here], py[here], beyond[here], beyond[following], edge[here]
+                px[free], py[free], edge[free] = x, y, label
+                count += 1 if s <= 0.0 else 0
+                free = np.uint64(count)
+                f = s / (s - t)
+                px[free], py[free] = x + f * (px[following] - x), y + f * (py[following] - y)
+                edge[free] = accepted - 1 if s <= 0.0 else label
+                count += 1 if (s <= 0.0) != (t <= 0.0) else 0
+            count -= target
+            if 3 <= count <= _CORNERS:  # else it is no cell of a surface, and is left as it is
                 base, corners = target, count
                 reach2 = 0.0
                 for c in range(base, base + corners):
@@ -269,33 +284,6 @@ def _clip_all(
         if not is_closed and (final or secure[i] == 1):
             flags |= _uncovered(u, v, np.int64(accepted), h, cap2)
         uncovered[i] = flags
-
-
-@kernel
-def _cut(px, py, edge, base, corners, target, u, v, q, label):
-    """Clip the convex polygon at ``base`` by the half-plane p . (u, v) <= q and write it at ``target``.
-
-    Returns the number of its corners. 0 stands for a polygon of too many corners; it is then left as it is.
-    """
-    count = target
-    x, y = px[base], py[base]
-    s = x * u + y * v - q
-    for c in range(base, base + corners):
-        d = c + 1 if c + 1 < base + corners else base
-        nx, ny = px[d], py[d]
-        t = nx * u + ny * v - q
-        if s <= 0.0:
-            px[count], py[count], edge[count] = x, y, edge[c]
-            count += 1
-        if (s <= 0.0) != (t <= 0.0):
-            f = s / (s - t)
-            px[count], py[count] = x + f * (nx - x), y + f * (ny - y)
-            edge[count] = label if s <= 0.0 else edge[c]
-            count += 1
-        if count - target > _ROOM - 4:
-            return 0
-        x, y, s = nx, ny, t
-    return count - target
 
 
 @kernel

@@ -13,12 +13,12 @@ from surfel.core.execute import blocks
 from surfel.index.neighbours import PointIndex
 from surfel.surface.clean import duplicate_rows
 from surfel.surface.spacing import local_spacing, regularity
-from surfel.surface.strays import stray_rows
+from surfel.surface.strays import COLUMNS, stray_rows
 
 NEAR = 24
 """How many neighbours are kept with each point; they settle most cells."""
 
-_ROWS = 1 << 18  # for so many points at a time are all distances looked up
+_ROWS = 1 << 16  # for so many points at a time are all distances looked up, in room that stays in the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Neighbourhoods:
     rows : NDArray[np.int64], shape (n,)
         The row of the original cloud that each row of the index stands for.
     squared : Floats, shape (n, c)
-        Squared distances to the nearest of them, ascending; to all of them only while a cloud is cleaned.
+        Squared distances to the nearest of them, ascending; to more than one only while a cloud is cleaned.
     near : NDArray[np.int32], shape (n, k)
         Their rows in the index.
     spacing : Floats, shape (n,)
@@ -50,7 +50,7 @@ class Neighbourhoods:
         """Index the points, at least two of them; ``rows`` says which row of the original cloud each is.
 
         Distances are looked up in blocks, and no more than ``columns`` of them are kept with each point: all of them
-        would be most of the memory of a large cloud.
+        would be most of the memory of a large cloud, and of the time to read a column.
         """
         index = PointIndex(points)
         n, k = len(points), min(NEAR, len(points) - 1)
@@ -105,13 +105,13 @@ def cleaned(points: Floats, normals: Floats | None) -> tuple[Neighbourhoods | No
     counts = {"duplicates": 0, "strays": 0}
     if len(points) < 2:
         return None, counts
-    hood = Neighbourhoods.of(points, np.arange(len(points)), NEAR)
+    hood = Neighbourhoods.of(points, np.arange(len(points)), COLUMNS)
     doubled = duplicate_rows(hood.points, None if normals is None else normals[hood.rows], hood.squared)
     counts["duplicates"] = len(doubled)
     if len(points) - len(doubled) < 4:
         return None, counts
     if len(doubled):
-        hood = hood.subset(np.delete(np.arange(len(hood)), doubled), NEAR)
+        hood = hood.subset(np.delete(np.arange(len(hood)), doubled), COLUMNS)
     strays = stray_rows(hood.points, hood.squared, hood.near)
     counts["strays"] = len(strays)
     if len(strays):

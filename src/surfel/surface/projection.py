@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from surfel._numba import rows, threads_for
 from surfel._vec import tangent_frame
 from surfel.core.cast import Floats
-from surfel.surface.planes import solve_spd
+from surfel.surface.quadric import gaussian, solve_quadric
 
-_CHUNK = 64
+_LANES = 8  # points that are fitted side by side, as one vector
+_CHUNK = 8 * _LANES
 _LEAST = 6  # with fewer neighbours alike the quadric would follow their noise: the point stays where it is
 
 
@@ -57,76 +58,107 @@ def project(
     return moved, turned, bend
 
 
+# What is kept of the eight, one row each: the place, the normal, the two tangents and what a length is multiplied by;
+_POINT, _NORMAL, _FIRST, _SECOND, _INVERSE = 0, 3, 6, 9, 12
+# the offset of a neighbour and its weight; sums of weight u^a v^b and of weight u^a v^b w; the answer; and the count.
+_OFFSET, _WEIGHT, _SUMS, _LOADS, _FIT, _COUNT, _ROWS = 13, 16, 17, 32, 38, 42, 43
+
+
 @rows
 def _project(begin, end, points, normals, chosen, neighbours, counts, alike, moved, turned, bend):
     m = len(chosen)
-    matrix, right = np.empty((6, 6)), np.empty(6)
-    for row in range(begin * _CHUNK, min(m, end * _CHUNK)):
-        i, k = chosen[row], counts[row]
-        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
-        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-        ex, ey, ez, fx, fy, fz = tangent_frame(nx, ny, nz)
-        last = neighbours[row, k - 1]
-        x, y, z = points[last, 0] - px, points[last, 1] - py, points[last, 2] - pz
-        width = 0.5 * math.sqrt(x * x + y * y + z * z)
-        inverse = 1.0 / width if width > 0.0 else 0.0
-        # Sums of weight u^a v^b, and of weight u^a v^b w; the point itself lies at the origin with weight 1.
-        s00, s10, s01, s20, s11, s02 = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        s30 = s21 = s12 = s03 = s40 = s31 = s22 = s13 = s04 = 0.0
-        t00 = t10 = t01 = t20 = t11 = t02 = 0.0
-        count = 0
-        for a in range(k):
-            j = neighbours[row, a]
-            if abs(normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz) < alike:
+    b = np.empty((_ROWS, _LANES))
+    for start in range(begin * _CHUNK, min(m, end * _CHUNK), _LANES):
+        most = 0
+        for lane in range(_LANES):
+            row = min(start + lane, m - 1)  # lanes beyond the last point repeat it, and are not written
+            i, k = chosen[row], counts[row]
+            most = max(most, k)
+            nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+            ex, ey, ez, fx, fy, fz = tangent_frame(nx, ny, nz)
+            last = neighbours[row, k - 1]
+            px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+            x, y, z = points[last, 0] - px, points[last, 1] - py, points[last, 2] - pz
+            width = 0.5 * math.sqrt(x * x + y * y + z * z)
+            b[_POINT, lane], b[_POINT + 1, lane], b[_POINT + 2, lane] = px, py, pz
+            b[_NORMAL, lane], b[_NORMAL + 1, lane], b[_NORMAL + 2, lane] = nx, ny, nz
+            b[_FIRST, lane], b[_FIRST + 1, lane], b[_FIRST + 2, lane] = ex, ey, ez
+            b[_SECOND, lane], b[_SECOND + 1, lane], b[_SECOND + 2, lane] = fx, fy, fz
+            b[_INVERSE, lane] = 1.0 / width if width > 0.0 else 0.0
+        for q in range(_SUMS, _ROWS):
+            for lane in range(_LANES):
+                b[q, lane] = 0.0
+        for lane in range(_LANES):
+            b[_SUMS, lane] = 1.0  # the point itself lies at the origin with weight 1
+        for a in range(most):
+            for lane in range(_LANES):
+                row = min(start + lane, m - 1)
+                b[_OFFSET, lane] = b[_OFFSET + 1, lane] = b[_OFFSET + 2, lane] = b[_WEIGHT, lane] = 0.0
+                if a >= counts[row]:
+                    continue
+                j = neighbours[row, a]
+                x, y, z = normals[j, 0], normals[j, 1], normals[j, 2]
+                if abs(x * b[_NORMAL, lane] + y * b[_NORMAL + 1, lane] + z * b[_NORMAL + 2, lane]) < alike:
+                    continue
+                b[_OFFSET, lane] = points[j, 0] - b[_POINT, lane]
+                b[_OFFSET + 1, lane] = points[j, 1] - b[_POINT + 1, lane]
+                b[_OFFSET + 2, lane] = points[j, 2] - b[_POINT + 2, lane]
+                b[_WEIGHT, lane] = 1.0
+                b[_COUNT, lane] += 1.0
+            for lane in range(_LANES):
+                x, y, z, inverse = b[_OFFSET, lane], b[_OFFSET + 1, lane], b[_OFFSET + 2, lane], b[_INVERSE, lane]
+                u = (x * b[_FIRST, lane] + y * b[_FIRST + 1, lane] + z * b[_FIRST + 2, lane]) * inverse
+                v = (x * b[_SECOND, lane] + y * b[_SECOND + 1, lane] + z * b[_SECOND + 2, lane]) * inverse
+                w = x * b[_NORMAL, lane] + y * b[_NORMAL + 1, lane] + z * b[_NORMAL + 2, lane]
+                uu, uv, vv = u * u, u * v, v * v
+                g = gaussian(uu + vv) * b[_WEIGHT, lane]
+                gu, gv, guu, guv, gvv = g * u, g * v, g * uu, g * uv, g * vv
+                b[_SUMS, lane] += g
+                b[_SUMS + 1, lane] += gu
+                b[_SUMS + 2, lane] += gv
+                b[_SUMS + 3, lane] += guu
+                b[_SUMS + 4, lane] += guv
+                b[_SUMS + 5, lane] += gvv
+                b[_SUMS + 6, lane] += guu * u
+                b[_SUMS + 7, lane] += guu * v
+                b[_SUMS + 8, lane] += gvv * u
+                b[_SUMS + 9, lane] += gvv * v
+                b[_SUMS + 10, lane] += guu * uu
+                b[_SUMS + 11, lane] += guu * uv
+                b[_SUMS + 12, lane] += guu * vv
+                b[_SUMS + 13, lane] += gvv * uv
+                b[_SUMS + 14, lane] += gvv * vv
+                b[_LOADS, lane] += g * w
+                b[_LOADS + 1, lane] += gu * w
+                b[_LOADS + 2, lane] += gv * w
+                b[_LOADS + 3, lane] += guu * w
+                b[_LOADS + 4, lane] += guv * w
+                b[_LOADS + 5, lane] += gvv * w
+        for lane in range(_LANES):
+            height, su, sv, suu, _, svv = solve_quadric(
+                b[_SUMS, lane], b[_SUMS + 1, lane], b[_SUMS + 2, lane], b[_SUMS + 3, lane], b[_SUMS + 4, lane],
+                b[_SUMS + 5, lane], b[_SUMS + 6, lane], b[_SUMS + 7, lane], b[_SUMS + 8, lane], b[_SUMS + 9, lane],
+                b[_SUMS + 10, lane], b[_SUMS + 11, lane], b[_SUMS + 12, lane], b[_SUMS + 13, lane],
+                b[_SUMS + 14, lane], b[_LOADS, lane], b[_LOADS + 1, lane], b[_LOADS + 2, lane], b[_LOADS + 3, lane],
+                b[_LOADS + 4, lane], b[_LOADS + 5, lane],
+            )  # fmt: skip
+            inverse = b[_INVERSE, lane]
+            b[_FIT, lane], b[_FIT + 1, lane], b[_FIT + 2, lane] = height, su * inverse, sv * inverse
+            b[_FIT + 3, lane] = 2.0 * (suu + svv) * inverse * inverse
+        for lane in range(min(_LANES, m - start)):
+            row = start + lane
+            px, py, pz = b[_POINT, lane], b[_POINT + 1, lane], b[_POINT + 2, lane]
+            nx, ny, nz = b[_NORMAL, lane], b[_NORMAL + 1, lane], b[_NORMAL + 2, lane]
+            if b[_COUNT, lane] < _LEAST:
+                moved[row, 0], moved[row, 1], moved[row, 2] = px, py, pz
+                turned[row, 0], turned[row, 1], turned[row, 2] = nx, ny, nz
+                bend[row] = 0.0
                 continue
-            x, y, z = points[j, 0] - px, points[j, 1] - py, points[j, 2] - pz
-            u = (x * ex + y * ey + z * ez) * inverse
-            v = (x * fx + y * fy + z * fz) * inverse
-            w = x * nx + y * ny + z * nz
-            uu, uv, vv = u * u, u * v, v * v
-            g = math.exp(-0.5 * (uu + vv))
-            count += 1
-            s00 += g
-            s10 += g * u
-            s01 += g * v
-            t00 += g * w
-            t10 += g * u * w
-            t01 += g * v * w
-            guu, guv, gvv = g * uu, g * uv, g * vv
-            s20 += guu
-            s11 += guv
-            s02 += gvv
-            t20 += guu * w
-            t11 += guv * w
-            t02 += gvv * w
-            s30 += guu * u
-            s21 += guu * v
-            s12 += gvv * u
-            s03 += gvv * v
-            s40 += guu * uu
-            s31 += guu * uv
-            s22 += guu * vv
-            s13 += gvv * uv
-            s04 += gvv * vv
-        if count < _LEAST:
-            moved[row, 0], moved[row, 1], moved[row, 2] = px, py, pz
-            turned[row, 0], turned[row, 1], turned[row, 2] = nx, ny, nz
-            bend[row] = 0.0
-            continue
-        ridge = 1e-9 * s00
-        matrix[0, 0] = s00 + ridge
-        matrix[1, 0], matrix[1, 1] = s10, s20 + ridge
-        matrix[2, 0], matrix[2, 1], matrix[2, 2] = s01, s11, s02 + ridge
-        matrix[3, 0], matrix[3, 1], matrix[3, 2], matrix[3, 3] = s20, s30, s21, s40 + ridge
-        matrix[4, 0], matrix[4, 1], matrix[4, 2], matrix[4, 3] = s11, s21, s12, s31
-        matrix[4, 4] = s22 + 0.5 * ridge  # half for uv: turning the frame changes nothing
-        matrix[5, 0], matrix[5, 1], matrix[5, 2], matrix[5, 3], matrix[5, 4] = s02, s12, s03, s22, s13
-        matrix[5, 5] = s04 + ridge
-        right[0], right[1], right[2], right[3], right[4], right[5] = t00, t10, t01, t20, t11, t02
-        solve_spd(matrix, right)
-        moved[row, 0], moved[row, 1], moved[row, 2] = px + right[0] * nx, py + right[0] * ny, pz + right[0] * nz
-        bend[row] = 2.0 * (right[3] + right[5]) * inverse * inverse
-        su, sv = right[1] * inverse, right[2] * inverse
-        tx, ty, tz = nx - su * ex - sv * fx, ny - su * ey - sv * fy, nz - su * ez - sv * fz
-        length = 1.0 / math.sqrt(tx * tx + ty * ty + tz * tz)
-        turned[row, 0], turned[row, 1], turned[row, 2] = tx * length, ty * length, tz * length
+            height, su, sv = b[_FIT, lane], b[_FIT + 1, lane], b[_FIT + 2, lane]
+            moved[row, 0], moved[row, 1], moved[row, 2] = px + height * nx, py + height * ny, pz + height * nz
+            bend[row] = b[_FIT + 3, lane]
+            tx = nx - su * b[_FIRST, lane] - sv * b[_SECOND, lane]
+            ty = ny - su * b[_FIRST + 1, lane] - sv * b[_SECOND + 1, lane]
+            tz = nz - su * b[_FIRST + 2, lane] - sv * b[_SECOND + 2, lane]
+            length = 1.0 / math.sqrt(tx * tx + ty * ty + tz * tz)
+            turned[row, 0], turned[row, 1], turned[row, 2] = tx * length, ty * length, tz * length

@@ -15,6 +15,9 @@ from surfel._numba import kernel, rows, threads_for
 from surfel.core.cast import Floats
 from surfel.surface.planes import smallest_eigenpair
 
+COLUMNS = 6
+"""To how many of its neighbours the distances of every point must be known."""
+
 SPARSE = 2.5
 """Points whose sixth neighbour is this many times farther than that of most are looked at."""
 
@@ -50,28 +53,29 @@ def stray_rows(points: Floats, squared: Floats, neighbours: NDArray[np.int32]) -
     ----------
     points : Floats, shape (n, 3)
         Without duplicates.
-    squared : Floats, shape (n, k)
-        Squared distances to the nearest neighbours, ascending, k of at least 12.
+    squared : Floats, shape (n, c)
+        Squared distances to the nearest neighbours, ascending, at least :data:`COLUMNS` of them.
     neighbours : NDArray[np.int32], shape (n, k)
-        Their rows.
+        The rows of the nearest, k of at least 12.
     """
     n, k = neighbours.shape
     if k < _FLAT:
         return np.empty(0, np.int64)
-    sixth = np.ascontiguousarray(squared[:, 5])
+    sixth = np.ascontiguousarray(squared[:, COLUMNS - 1])
     sparse, reach = np.zeros(n, np.uint8), np.zeros(n)
     with threads_for(n):
         _sparse(n, sixth, neighbours, SPARSE**2 * float(np.median(sixth)), sparse, reach)
     unsure = np.flatnonzero(sparse)
     if not len(unsure):
         return unsure
-    planes, sound = np.zeros((n, 3)), 1 - sparse
+    planes, sound, far = np.zeros((n, 3)), 1 - sparse, np.empty((len(unsure), k))
     with threads_for(len(unsure)):
-        _flat_planes(len(unsure), unsure, points, squared, neighbours, planes, sound)
+        _flat_planes(len(unsure), unsure, points, neighbours, far, planes, sound)
     _drop_planes_by_chance(unsure, sound, neighbours, planes)
-    _grow(unsure, squared, neighbours, planes, reach)
-    _take_sheets(unsure[reach[unsure] == 0.0], points, squared, neighbours, planes, reach)
-    _grow(unsure, squared, neighbours, planes, reach)
+    _grow(unsure, sixth, far, neighbours, planes, reach)
+    bare = reach[unsure] == 0.0
+    _take_sheets(unsure[bare], points, sixth, far[bare], neighbours, planes, reach)
+    _grow(unsure, sixth, far, neighbours, planes, reach)
     return np.asarray(unsure[reach[unsure] == 0.0])
 
 
@@ -92,11 +96,15 @@ def _sparse(first, last, sixth, neighbours, bound, sparse, reach):
 
 
 @rows
-def _flat_planes(first, last, chosen, points, squared, neighbours, planes, sound):
-    """Write the normal of the plane that a point lies in with its neighbours, if it does."""
+def _flat_planes(first, last, chosen, points, neighbours, far, planes, sound):
+    """Write the squared distances of each chosen point's neighbours, and the normal of their plane, if there is one."""
     for c in range(first, last):
         i = chosen[c]
         px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        for a in range(neighbours.shape[1]):
+            j = neighbours[i, a]
+            x, y, z = points[j, 0] - px, points[j, 1] - py, points[j, 2] - pz
+            far[c, a] = (x * x + y * y) + z * z
         sx = sy = sz = xx = xy = xz = yy = yz = zz = 0.0
         for a in range(_FLAT):
             j = neighbours[i, a]
@@ -114,11 +122,11 @@ def _flat_planes(first, last, chosen, points, squared, neighbours, planes, sound
         low, nx, ny, nz = smallest_eigenpair(
             xx - sx * sx * m, xy - sx * sy * m, xz - sx * sz * m, yy - sy * sy * m, yz - sy * sz * m, zz - sz * sz * m
         )
-        far = squared[i, _FLAT - 1]
+        rim = far[c, _FLAT - 1]
         off = (nx * sx + ny * sy + nz * sz) * m
         aside = (sx * sx + sy * sy + sz * sz) * m * m
-        within = off * off <= _OFFSET * _OFFSET * far and aside <= _ASIDE * _ASIDE * far
-        if within and max(low, 0.0) * m <= _ROUGH * _ROUGH * far:
+        within = off * off <= _OFFSET * _OFFSET * rim and aside <= _ASIDE * _ASIDE * rim
+        if within and max(low, 0.0) * m <= _ROUGH * _ROUGH * rim:
             planes[i, 0], planes[i, 1], planes[i, 2] = nx, ny, nz
             sound[i] = 1
 
@@ -132,7 +140,7 @@ def _drop_planes_by_chance(
 
 
 @kernel
-def _grow(unsure, squared, neighbours, planes, reach):
+def _grow(unsure, sixth, far, neighbours, planes, reach):
     """Let the surface take what it reaches, to the fixed point, which does not depend on the order.
 
     ``reach`` holds the squares of the distances that stand for a sixth neighbour, 0 where the surface is not yet.
@@ -141,32 +149,32 @@ def _grow(unsure, squared, neighbours, planes, reach):
     forward, changed = True, True
     while changed:
         changed = False
-        for c in range(count):
-            i = unsure[c] if forward else unsure[count - 1 - c]
+        for turn in range(count):
+            c = turn if forward else count - 1 - turn
+            i = unsure[c]
             most = 0.0
             for a in range(k):
                 from_there = reach[neighbours[i, a]]
-                if from_there > most and squared[i, a] <= REACH * REACH * from_there:
+                if from_there > most and far[c, a] <= REACH * REACH * from_there:
                     most = from_there
-            if most > 0.0 and _take(i, most, squared, planes, reach):
+            if most > 0.0 and _take(i, most, sixth, planes, reach):
                 changed = True
             if reach[i] == 0.0:
                 continue
             for a in range(k):
-                if squared[i, a] > REACH * REACH * reach[i]:
+                if far[c, a] > REACH * REACH * reach[i]:
                     break
-                if reach[neighbours[i, a]] < squared[neighbours[i, a], 5] and _take(
-                    neighbours[i, a], reach[i], squared, planes, reach
-                ):
+                j = neighbours[i, a]
+                if reach[j] < sixth[j] and _take(j, reach[i], sixth, planes, reach):
                     changed = True
         forward = not forward
 
 
 @kernel
-def _take(i, reached_from, squared, planes, reach):
+def _take(i, reached_from, sixth, planes, reach):
     """Raise the reach of point i, if it is more when reached from there; tell whether it was raised."""
     flat = planes[i, 0] != 0.0 or planes[i, 1] != 0.0 or planes[i, 2] != 0.0
-    own = min(squared[i, 5], reached_from * (GROWTH * GROWTH if flat else DECLINE * DECLINE))
+    own = min(sixth[i], reached_from * (GROWTH * GROWTH if flat else DECLINE * DECLINE))
     if own <= reach[i]:
         return False
     reach[i] = own
@@ -176,7 +184,8 @@ def _take(i, reached_from, squared, planes, reach):
 def _take_sheets(
     chosen: NDArray[np.int64],
     points: Floats,
-    squared: Floats,
+    sixth: Floats,
+    far: Floats,
     neighbours: NDArray[np.int32],
     planes: Floats,
     reach: Floats,
@@ -185,7 +194,8 @@ def _take_sheets(
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    flat = chosen[planes[chosen].any(axis=1)]
+    lies_flat = planes[chosen].any(axis=1)
+    flat, apart = chosen[lies_flat], far[lies_flat, :_FLAT]
     if len(flat) < SHEET:
         return
     place = np.full(len(points), -1)
@@ -195,10 +205,10 @@ def _take_sheets(
     off = np.maximum(
         np.abs(np.einsum("iaj,ij->ia", step, planes[flat])), np.abs(np.einsum("iaj,iaj->ia", step, planes[near]))
     )
-    limit = REACH**2 * np.minimum(squared[flat, 5][:, None], squared[near, 5])
-    joined = (place[near] >= 0) & (squared[flat, :_FLAT] <= limit) & (off**2 <= _OFFSET**2 * squared[flat, :_FLAT])
+    limit = REACH**2 * np.minimum(sixth[flat][:, None], sixth[near])
+    joined = (place[near] >= 0) & (apart <= limit) & (off**2 <= _OFFSET**2 * apart)
     row, column = np.nonzero(joined)
     links = coo_array((np.ones(len(row), np.int8), (row, place[near[row, column]])), shape=(len(flat), len(flat)))
     _, part = connected_components(links, directed=False)
     sheet = flat[np.bincount(part)[part] >= SHEET]
-    reach[sheet] = squared[sheet, 5]
+    reach[sheet] = sixth[sheet]
