@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import inlined, rows, threads_for
-from surfel.rendering.disks import CLIPPED, CREASE, EDGE, ELLIPTIC, Disks
-from surfel.rendering.eights import LANES, load, pick, some, store
-from surfel.rendering.placing import PIXEL, TILE, Placed, View
-from surfel.rendering.projection import depth_of, felt, fragment, in_pixels, normal_of, projected, shaped_eight
-from surfel.rendering.raster import ALIKE, BLEND, LEAST, THIN
+from surfel._numba import rows, threads_for
+from surfel.rendering.disks import CREASE, EDGE, Disks
+from surfel.rendering.lists import Lists
+from surfel.rendering.placing import View
+from surfel.rendering.projection import depth_of, normal_of, projected
+from surfel.rendering.raster import ALIKE, BLEND, THIN
 
 MOST = 6
 """Sheets that are looked at along a line of sight; the first that no cut may pass is the last."""
@@ -36,54 +36,7 @@ class Layers(NamedTuple):
     unsure: NDArray[np.bool_]  # (m, MOST): whether a cut may pass it
 
 
-class Lists(NamedTuple):
-    """The fragments of each place: rows ``starts[line]`` up to ``starts[line] + counts[line]``."""
-
-    starts: NDArray[np.int64]
-    counts: NDArray[np.int64]
-    z: NDArray[np.float32]
-    weight: NDArray[np.float32]
-    who: NDArray[np.int32]  # the surfel; -1 for one that was taken out
-
-
-def lists_at(
-    disks: Disks,
-    placed: Placed,
-    motions: NDArray[np.float32],
-    view: View,
-    pixels: NDArray[np.int64],
-    offsets: NDArray[np.float32],
-) -> Lists:
-    """Return all fragments at places in chosen pixels, in no order.
-
-    Parameters
-    ----------
-    disks, placed, motions, view
-        As drawn.
-    pixels : NDArray[np.int64], shape (p,)
-        Numbers of pixels, row after row; each once.
-    offsets : NDArray[np.float32], shape (s, 2)
-        Places in each pixel, from its centre; line k s + i is the i-th place of the k-th pixel.
-    """
-    m = len(pixels) * len(offsets)
-    slot = np.full(view.width * view.height, -1, np.int32)
-    slot[pixels] = np.arange(len(pixels), dtype=np.int32)
-    across = -(-view.width // TILE)
-    tiles = np.unique((pixels // view.width // TILE) * across + pixels % view.width // TILE)
-    room, first = np.zeros(len(tiles), np.int64), np.zeros(len(tiles) + 1, np.int64)
-    with threads_for(100 * m):
-        _bound(len(tiles), tiles, placed, view, slot, offsets, room)
-        np.cumsum(room, out=first[1:])
-        most = int(first[-1])
-        found = Lists(
-            np.zeros(m, np.int64), np.zeros(m, np.int64),
-            np.empty(most, np.float32), np.empty(most, np.float32), np.empty(most, np.int32),
-        )  # fmt: skip
-        _gather(len(tiles), tiles, disks, placed, motions, view, slot, offsets, first, *found)
-    return found
-
-
-def layers_of(disks: Disks, placed: Placed, motions: NDArray[np.float32], view: View, lists: Lists) -> Layers:
+def layers_of(disks: Disks, label: NDArray[np.int32], motions: NDArray[np.float32], view: View, lists: Lists) -> Layers:
     """Part the fragments of each place into sheets; the lists are sorted and used up by that."""
     m = len(lists.counts)
     found = Layers(
@@ -93,145 +46,8 @@ def layers_of(disks: Disks, placed: Placed, motions: NDArray[np.float32], view: 
         np.zeros((m, MOST), np.bool_),
     )
     with threads_for(100 * m):
-        _part(m, disks, placed.label, motions, view, *lists, *found)
+        _part(m, disks, label, motions, view, *lists, *found)
     return found
-
-
-@inlined
-def _listed(slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys):
-    """List the places of a tile row after row.
-
-    ``begins[33 y + x]`` is how many come before a pixel, ``sums[33 y + x]`` how many chosen pixels lie above and to the
-    left of it.
-    """
-    count, places = 0, len(offsets)
-    for y in range(top, bottom + 1):
-        at, total = np.uint64((TILE + 1) * (y - top)), 0
-        for x in range(np.uint64(right + 1 - left)):
-            begins[at + x] = count
-            sums[at + np.uint64(TILE + 1) + x] = sums[at + x] + total
-            k = slot[np.uint64(y * width + left) + x]
-            if k >= 0:
-                total += 1
-                for s in range(places):
-                    lines[count], xs[count], ys[count] = (
-                        k * places + s, np.float32(np.int64(x) + left) + offsets[s, 0], np.float32(y) + offsets[s, 1]
-                    )  # fmt: skip
-                    count += 1
-        x = np.uint64(right + 1 - left)
-        begins[at + x] = count
-        sums[at + np.uint64(TILE + 1) + x] = sums[at + x] + total
-
-
-@inlined
-def _touched(i, box, left, right, top, bottom, sums):
-    """Return the part of a tile that a splat may fall on, its border moved out, and how many chosen pixels it holds."""
-    # places lie up to half a pixel off the centres that the box was rounded to
-    stride = np.uint64(TILE + 1)
-    x0 = np.uint64(max(left, np.int64(box[i, 0]) - 1) - left)
-    x1 = np.uint64(min(right, np.int64(box[i, 1]) + 1) - left + 1)
-    y0 = np.uint64(max(top, np.int64(box[i, 2]) - 1) - top) * stride
-    y1 = np.uint64(min(bottom, np.int64(box[i, 3]) + 1) - top + 1) * stride
-    return x0, x1, y0, y1, sums[y1 + x1] - sums[y1 + x0] - sums[y0 + x1] + sums[y0 + x0]
-
-
-@rows
-def _bound(first, last, tiles, placed, view, slot, offsets, room):
-    """Tell how many fragments there are at most in some tiles."""
-    box, runs, entries, width, height = placed.box, placed.starts, placed.entries, view.width, view.height
-    across, most = -(-width // TILE), TILE * TILE * len(offsets) + LANES
-    begins, sums = np.empty(TILE * (TILE + 1), np.int32), np.zeros((TILE + 1) * (TILE + 1), np.int32)
-    lines, xs, ys = np.empty(most, np.int64), np.empty(most, np.float32), np.empty(most, np.float32)
-    for t in range(first, last):
-        tile = tiles[t]
-        left, top = (tile % across) * TILE, (tile // across) * TILE
-        right, bottom = min(left + TILE, width) - 1, min(top + TILE, height) - 1
-        _listed(slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys)
-        total = 0
-        for entry in range(runs[2 * tile], runs[2 * tile + 2]):
-            total += _touched(np.uint64(entries[entry]), box, left, right, top, bottom, sums)[4]
-        room[t] = total * len(offsets)
-
-
-@rows
-def _gather(
-    first,
-    last,
-    tiles,
-    disks,
-    placed,
-    motions,
-    view,
-    slot,
-    offsets,
-    begin_of,
-    starts,
-    counts,
-    out_z,
-    out_weight,
-    out_who,
-):
-    """Store the fragments at the places in some tiles, place after place."""
-    box, runs, entries = placed.box, placed.starts, placed.entries
-    points, normals, radii, bends = disks.points, disks.normals, disks.radii, disks.bends
-    flags, leaf, clips, planes, own = disks.flags, disks.leaf, disks.clips, disks.planes, disks.axes
-    slope, middle, size, cx, cy, width, height = (
-        view.slope, view.depth, view.size, view.cx, view.cy, view.width, view.height
-    )  # fmt: skip
-    across, special = -(-width // TILE), CLIPPED | ELLIPTIC
-    most, zero, stride = TILE * TILE * len(offsets) + LANES, np.uint64(0), np.uint64(TILE + 1)
-    begins, lines = np.empty(TILE * (TILE + 1), np.int32), np.empty(most, np.int64)
-    sums = np.zeros((TILE + 1) * (TILE + 1), np.int32)
-    xs, ys, lanes = np.zeros(most, np.float32), np.zeros(most, np.float32), np.empty(4 * LANES, np.float32)
-    for t in range(first, last):
-        tile = tiles[t]
-        left, top = (tile % across) * TILE, (tile // across) * TILE
-        right, bottom = min(left + TILE, width) - 1, min(top + TILE, height) - 1
-        _listed(slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys)
-        room, found = begin_of[t + 1] - begin_of[t], 0
-        z_here, weight_here = np.empty(room, np.float32), np.empty(room, np.float32)
-        who_here, line_here = np.empty(room, np.int32), np.empty(room, np.int64)
-        for entry in range(runs[2 * tile], runs[2 * tile + 2]):
-            i = np.uint64(entries[entry])
-            x0, x1, y0, y1, touched = _touched(i, box, left, right, top, bottom, sums)
-            if touched == 0:
-                continue
-            m, r, odd = leaf[i], radii[i], flags[i] & special
-            ez = depth_of(i, m, points, motions)
-            nx, ny, nz = normal_of(i, m, normals, motions)
-            sx, sy, pixel, cosine = projected(i, m, ez, nx, ny, nz, points, motions, slope, middle, size, cx, cy)
-            inverse, bend = _ONE / (r * r), felt(bends[i], r, cosine, pixel, slope)
-            for y in range(y0, y1, stride):
-                end = begins[y + x1]
-                for begin in range(begins[y + x0], end, LANES):
-                    fx, fy = load(xs, np.uint64(begin)), load(ys, np.uint64(begin))
-                    u, z, qx, qy, qz = fragment(fx, fy, sx, sy, pixel, ez, nx, ny, nz, inverse, bend, slope, cx, cy)
-                    if odd:
-                        u = shaped_eight(u, qx, qy, qz, i, flags, own, leaf, clips, planes, motions, lanes)
-                    elif r < PIXEL * pixel:
-                        inside = u < _ONE
-                        u, z = pick(inside, u, in_pixels(fx, fy, sx, sy)), pick(inside, z, ez)
-                    if not some(u < _ONE):
-                        continue
-                    store(lanes, zero, u)
-                    store(lanes, np.uint64(LANES), z)
-                    for h in range(min(LANES, end - begin)):
-                        if not lanes[h] < _ONE:
-                            continue
-                        z_here[found], who_here[found], line_here[found] = lanes[LANES + h], i, lines[begin + h]
-                        weight_here[found] = (_ONE - lanes[h]) * (_ONE - lanes[h]) + LEAST
-                        counts[lines[begin + h]] += 1
-                        found += 1
-        at = begin_of[t]
-        for k in range(begins[(TILE + 1) * (bottom - top) + right + 1 - left]):
-            starts[lines[k]] = at
-            at += counts[lines[k]]
-            counts[lines[k]] = 0
-        for k in range(found):
-            line = line_here[k]
-            at = starts[line] + counts[line]
-            out_z[at], out_weight[at], out_who[at] = z_here[k], weight_here[k], who_here[k]
-            counts[line] += 1
 
 
 @rows

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,30 +12,17 @@ from surfel.core.cast import Booleans, Floats
 from surfel.core.crossings import Crossings
 from surfel.rendering.camera import Camera
 from surfel.rendering.cast import Hits, Sight, cloud_at, first_hits, mesh_at, normals_at, sight, window
-from surfel.rendering.clip_buffer import Layers, layers_of, lists_at
+from surfel.rendering.clip_buffer import Layers, layers_of
 from surfel.rendering.disks import Disks
 from surfel.rendering.fragments import Fragments
+from surfel.rendering.lists import lists_at
+from surfel.rendering.places import CENTRE, Places
 from surfel.rendering.placing import Placed, View, place, view_of
-from surfel.rendering.raster import STATES, SURE, TURNED, UNSURE, draw
+from surfel.rendering.raster import RIM, STATES, TURNED, UNSURE, draw
 from surfel.rendering.scene import Item, Scene, box_of
 from surfel.rendering.verdicts import kept
 from surfel.shapes.mesh import Mesh
 from surfel.shapes.surfels import Surfels
-
-CENTRE = np.zeros((1, 2), np.float32)
-
-
-class Places(NamedTuple):
-    """Places in a picture: the same offsets in each of some pixels; pixel by pixel."""
-
-    pixels: NDArray[np.int64]
-    offsets: NDArray[np.float32]
-
-    def columns_and_rows(self, width: int) -> tuple[Floats, Floats]:
-        """Return the places as floats, pixel centres being whole numbers."""
-        x = np.asarray(self.pixels % width, np.float64)[:, None] + self.offsets[:, 0]
-        y = np.asarray(self.pixels // width, np.float64)[:, None] + self.offsets[:, 1]
-        return x.ravel(), y.ravel()
 
 
 class Frame:
@@ -79,14 +65,7 @@ class Frame:
 
     def grid(self) -> Fragments:
         """Return what is seen at the centre of every pixel, row after row."""
-        if self.scene.splats:
-            seen, state = draw(self.disks, self.placed, self.motions, self.view)
-            deeper, away = self._deeper(seen, state.ravel())
-            if len(deeper):
-                seen.clear(deeper)
-                seen.put(deeper, self._clouds_at(Places(deeper, CENTRE), away))
-        else:
-            seen = Fragments.nothing(self.size[0] * self.size[1])
+        seen = self._drawn(None) if self.scene.splats else Fragments.nothing(self.size[0] * self.size[1])
         for item in self.scene.items:
             pixels = self._window(item) if item.exact else np.empty(0, np.int64)
             if len(pixels):
@@ -95,11 +74,11 @@ class Frame:
 
     def at(self, places: Places) -> Fragments:
         """Return what is seen at places within pixels."""
-        rows = np.arange(len(places.pixels) * len(places.offsets))
-        seen = Fragments.nothing(len(rows))
-        if self.scene.splats:
-            seen.put(rows, self._clouds_at(places))
-        x, y = places.columns_and_rows(self.size[0])
+        number = len(places.pixels) * len(places.offsets)
+        seen = self._drawn(places) if self.scene.splats else Fragments.nothing(number)
+        if not any(item.exact for item in self.scene.items):
+            return seen
+        rows, (x, y) = np.arange(number), places.columns_and_rows(self.size[0])
         for item in self.scene.items:
             if item.exact:
                 self._put_cast(seen, item, rows, x, y)
@@ -127,29 +106,47 @@ class Frame:
         rows, columns = np.arange(low_y, high_y + 1), np.arange(low_x, high_x + 1)
         return (rows[:, None] * self.size[0] + columns).ravel()
 
-    def _deeper(self, seen: Fragments, state: NDArray[np.uint8]) -> tuple[NDArray[np.int64], Booleans | None]:
-        """Return the pixels that show what lies behind the nearest sheet, and whether because that is cut away."""
-        unsure = np.flatnonzero(state & STATES == UNSURE)
-        x, y = Places(unsure, CENTRE).columns_and_rows(self.size[0])
-        outward = np.where((state[unsure] & TURNED != 0)[:, None], -seen.normal[unsure], seen.normal[unsure])
-        good = self._verdicts(x, y, seen.depth[unsure], outward, seen.leaf[unsure])
-        state[unsure[good]] = SURE
-        deeper = np.flatnonzero(state & STATES >= UNSURE)
-        return deeper, np.asarray(state[deeper] & STATES == UNSURE)
+    def _drawn(self, places: Places | None) -> Fragments:
+        """Return what is seen of the clouds at places; by default on the grid of pixels."""
+        seen, state = draw(self.disks, self.placed, self.motions, self.view, places)
+        deeper, away = self._deeper(places, seen, state & STATES, state & TURNED != 0)
+        if len(deeper):
+            seen.clear(deeper)
+            some, rows = (Places(deeper, CENTRE), deeper) if places is None else places.holding(deeper)
+            at = np.searchsorted(rows, deeper)
+            wanted, cut = np.zeros(len(rows), np.bool_), np.zeros(len(rows), np.bool_)
+            wanted[at], cut[at] = True, away
+            seen.put(rows, self._behind(some, wanted, cut))
+        return seen
 
-    def _clouds_at(self, places: Places, away: Booleans | None = None) -> Fragments:
-        """Return the first sheet of the clouds that the trees keep; where it is known to be cut away, a later one."""
-        lists = lists_at(self.disks, self.placed, self.motions, self.view, places.pixels, places.offsets)
-        layers = layers_of(self.disks, self.placed, self.motions, self.view, lists)
-        x, y = places.columns_and_rows(self.size[0])
+    def _deeper(
+        self, places: Places | None, seen: Fragments, state: NDArray[np.uint8], turned: Booleans
+    ) -> tuple[NDArray[np.int64], Booleans]:
+        """Return the rows that show what lies behind the nearest sheet, and whether because that is cut away."""
+        unsure, rims = np.flatnonzero(state == UNSURE), np.flatnonzero(state == RIM)
+        x, y = (places or Places(unsure, CENTRE)).columns_and_rows(self.size[0], None if places is None else unsure)
+        outward = np.where(turned[unsure, None], -seen.normal[unsure], seen.normal[unsure])
+        lost = unsure[~self._verdicts(x, y, seen.depth[unsure], outward, seen.leaf[unsure])]
+        rows = np.concatenate([lost, rims])
+        order = np.argsort(rows)
+        return rows[order], order < len(lost)
+
+    def _behind(self, places: Places, wanted: Booleans, away: Booleans) -> Fragments:
+        """Return, where it is wanted, the first sheet of the clouds that the trees keep.
+
+        Where the nearest is known to be cut away it is a later one.
+        """
+        lists = lists_at(self.disks, self.placed, self.motions, self.view, places)
+        lists.counts[~wanted] = 0
+        layers = layers_of(self.disks, self.placed.label, self.motions, self.view, lists)
         valid = np.arange(layers.winner.shape[1]) < layers.number[:, None]
         good, ask = valid & ~layers.unsure, valid & layers.unsure
-        if away is not None:
-            ask[away, 0] = good[away, 0] = False
+        ask[away, 0] = good[away, 0] = False
         line, level = np.nonzero(ask)
         if len(line):
             value, leaf = layers.value[line, level], self.disks.leaf[layers.winner[line, level]]
-            good[line, level] = self._verdicts(x[line], y[line], value[:, 0], value[:, 1:4], leaf)
+            x, y = places.columns_and_rows(self.size[0], line)
+            good[line, level] = self._verdicts(x, y, value[:, 0], value[:, 1:4], leaf)
         return self._first_of(layers, good)
 
     def _first_of(self, layers: Layers, good: Booleans) -> Fragments:

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from surfel._numba import rows, threads_for
 from surfel.core.cast import Booleans
-from surfel.rendering.clip_buffer import Lists, layers_of, lists_at
+from surfel.rendering.clip_buffer import layers_of
 from surfel.rendering.disks import EDGE, Disks
 from surfel.rendering.fragments import Fragments
-from surfel.rendering.frame import CENTRE, Frame, Places
+from surfel.rendering.frame import Frame
+from surfel.rendering.lists import Lists, lists_at
+from surfel.rendering.places import CENTRE, Places
 from surfel.rendering.projection import normal_of
-from surfel.rendering.raster import BLEND, NOTHING, STATES, UNSURE, draw
+from surfel.rendering.raster import BLEND, UNSURE
 from surfel.rendering.verdicts import kept, sides_of
 
 _SIDE_UNKNOWN = np.uint8(255)
@@ -30,14 +32,18 @@ class ClipBuffer(Frame):
     solid without a surfel there is judged at the centre of the surfel.
     """
 
-    def _deeper(self, seen: Fragments, state: NDArray[np.uint8]) -> tuple[NDArray[np.int64], None]:
-        return np.flatnonzero(state & STATES >= UNSURE), None
+    def _deeper(
+        self, places: Places | None, seen: Fragments, state: NDArray[np.uint8], turned: Booleans
+    ) -> tuple[NDArray[np.int64], Booleans]:
+        rows = np.flatnonzero(state >= UNSURE)
+        return rows, np.zeros(len(rows), np.bool_)
 
-    def _clouds_at(self, places: Places, away: Booleans | None = None) -> Fragments:
-        lists = lists_at(self.disks, self.placed, self.motions, self.view, places.pixels, places.offsets)
+    def _behind(self, places: Places, wanted: Booleans, away: Booleans) -> Fragments:
+        lists = lists_at(self.disks, self.placed, self.motions, self.view, places)
+        lists.counts[~wanted] = 0
         self._clip(lists)
         plain = self.disks._replace(flags=self.disks.flags & np.uint8(255 - EDGE))
-        layers = layers_of(plain, self.placed, self.motions, self.view, lists)
+        layers = layers_of(plain, self.placed.label, self.motions, self.view, lists)
         return self._first_of(layers, np.arange(layers.winner.shape[1]) < layers.number[:, None])
 
     def _clip(self, lists: Lists) -> None:
@@ -92,18 +98,20 @@ class Quads(Frame):
         some = disks.chosen(good)
         return some._replace(flags=some.flags & np.uint8(255 - EDGE))
 
-    def grid(self) -> Fragments:
-        """Return what is seen at the centre of every pixel, row after row."""
-        seen = super().grid()
-        if self.scene.splats:
-            _, state = draw(self.disks, self.placed, self.motions, self.view)
-            pixels = np.flatnonzero((state.ravel() & STATES != NOTHING) & seen.seen & (seen.row >= 0))
-            blended = self._clouds_at(Places(pixels, CENTRE))
-            seen.normal[pixels], seen.color[pixels] = blended.normal, blended.color
+    def _drawn(self, places: Places | None) -> Fragments:
+        if places is not None:
+            every = np.ones(len(places.pixels) * len(places.offsets), np.bool_)
+            return self._behind(places, every, ~every)
+        seen = super()._drawn(None)
+        pixels = np.flatnonzero(seen.seen)
+        every = np.ones(len(pixels), np.bool_)
+        blended = self._behind(Places(pixels, CENTRE), every, ~every)
+        seen.normal[pixels], seen.color[pixels] = blended.normal, blended.color
         return seen
 
-    def _clouds_at(self, places: Places, away: Booleans | None = None) -> Fragments:
-        lists = lists_at(self.disks, self.placed, self.motions, self.view, places.pixels, places.offsets)
+    def _behind(self, places: Places, wanted: Booleans, away: Booleans) -> Fragments:
+        lists = lists_at(self.disks, self.placed, self.motions, self.view, places)
+        lists.counts[~wanted] = 0
         seen = Fragments.nothing(len(lists.counts))
         with threads_for(100 * len(seen)):
             _blend_over(len(seen), lists, self.disks, self.motions, *_columns(seen))

@@ -1,4 +1,4 @@
-"""Splats on the grid of pixels, tile by tile, drawn in two passes.
+"""Splats on the grid of pixels, or at chosen places in some of them, tile by tile, drawn in two passes.
 
 Gaal, *Boolean Operations on Point-Sampled Geometry*, sec. 2 and 7, after Zwicker et al., *Surface Splatting*: the first
 pass finds what is nearest, the second blends what lies on the same sheet. The plane of each disk is cut exactly.
@@ -15,6 +15,7 @@ from surfel._numba import rows, threads_for
 from surfel.rendering.disks import CLIPPED, CREASE, EDGE, ELLIPTIC, PAINTED, Disks
 from surfel.rendering.eights import LANES, load, pick, ramp, some, store
 from surfel.rendering.fragments import Fragments
+from surfel.rendering.places import STRIDE, Places, chosen, listed, touched
 from surfel.rendering.placing import PIXEL, TILE, Placed, View
 from surfel.rendering.projection import depth_of, felt, fragment, in_pixels, normal_of, projected, shaped_eight
 
@@ -32,43 +33,64 @@ STATES, TURNED = 3, 4
 
 LEAST = np.float32(1e-6)
 
-_FIRST = np.uint64(0)
-_STRIDE = np.uint64(TILE + LANES)  # of a tile's rows: what falls beyond its right border is never read
-_PLANE = np.uint64(TILE * (TILE + LANES))
-# planes of a tile: depth of what is nearest, which it is, its label; whether a cut may pass; then the sums
-_BEST, _LABEL, _DOUBT = _PLANE, np.uint64(2) * _PLANE, np.uint64(3) * _PLANE
-_WEIGHT, _BEHIND = np.uint64(4) * _PLANE, np.uint64(5) * _PLANE
-_NX, _NY, _NZ = np.uint64(6) * _PLANE, np.uint64(7) * _PLANE, np.uint64(8) * _PLANE
-_RED, _GREEN, _BLUE = np.uint64(9) * _PLANE, np.uint64(10) * _PLANE, np.uint64(11) * _PLANE
-_ROOM = 12 * TILE * (TILE + LANES)
+_FIRST, _PLANES = np.uint64(0), 12
 _EXACT = 1 << 24  # floats hold all whole numbers up to this
 _ZERO, _ONE, _TWO, _INF, _HALF = (np.float32(v) for v in (0.0, 1.0, 2.0, np.inf, 0.5))
 
 
-def draw(disks: Disks, placed: Placed, motions: NDArray[np.float32], view: View) -> tuple[Fragments, NDArray[np.uint8]]:
-    """Draw placed splats: what is nearest at each pixel, blended with what lies on the same sheet.
+def draw(
+    disks: Disks, placed: Placed, motions: NDArray[np.float32], view: View, places: Places | None = None
+) -> tuple[Fragments, NDArray[np.uint8]]:
+    """Draw placed splats: what is nearest at each place, blended with what lies on the same sheet.
+
+    Parameters
+    ----------
+    disks, placed, motions, view
+        The splats, where they fall, and the picture.
+    places : Places, optional
+        Where; by default the centres of all pixels, row after row.
 
     Returns
     -------
     seen : Fragments
-        The nearest sheet, pixel by pixel, row after row.
-    state : NDArray[np.uint8], shape (h, w)
+        The nearest sheet, place by place.
+    state : NDArray[np.uint8], shape (m,)
         :data:`UNSURE` where a cut may pass that sheet, :data:`RIM` where it is none; see
         :data:`STATES`.
     """
-    seen = Fragments.room(view.width * view.height)
-    state = np.empty((view.height, view.width), np.uint8)
-    tiles = (len(placed.starts) - 1) // 2
-    with threads_for(view.width * view.height + 64 * len(placed.entries)):
+    where = chosen(view, places)
+    seen, state = Fragments.room(where.number), np.empty(where.number, np.uint8)
+    with threads_for(100 * where.number + (64 * len(placed.entries) if where.whole else 0)):
         _draw(
-            tiles, disks, placed, motions, view, np.int64(placed.fullest), seen.depth, seen.normal, seen.color,
-            seen.leaf, seen.row, state,
+            len(where.tiles), where.tiles, where.slot, where.offsets, where.whole, np.int64(where.reach),
+            np.int64(where.most), disks, placed, motions, view, np.int64(placed.fullest), seen.depth, seen.normal,
+            seen.color, seen.leaf, seen.row, state,
         )  # fmt: skip
     return seen, state
 
 
 @rows
-def _draw(first, last, disks, placed, motions, view, fullest, depth, normal, color, out_leaf, out_row, state):
+def _draw(
+    first,
+    last,
+    tiles,
+    slot,
+    offsets,
+    whole,
+    reach,
+    most,
+    disks,
+    placed,
+    motions,
+    view,
+    fullest,
+    depth,
+    normal,
+    color,
+    out_leaf,
+    out_row,
+    state,
+):
     """Draw some tiles, in two passes each; those that face the camera come first, and hide most of the others.
 
     A disk is cut by eight lines of sight at once. Numbers of surfels are kept as floats as well, which are exact.
@@ -77,37 +99,58 @@ def _draw(first, last, disks, placed, motions, view, fullest, depth, normal, col
     points, normals, radii, bends, colors = disks.points, disks.normals, disks.radii, disks.bends, disks.colors
     flags, leaf, clips, planes, own, row = disks.flags, disks.leaf, disks.clips, disks.planes, disks.axes, disks.row
     slope, middle, size, cx, cy, width, height = (
-        view.slope, view.depth, view.size, view.cx, view.cy, view.width, view.height
-    )  # fmt: skip
+        view.slope,
+        view.depth,
+        view.size,
+        view.cx,
+        view.cy,
+        view.width,
+        view.height,
+    )
     across, special = -(-width // TILE), CLIPPED | ELLIPTIC
-    grid, lanes = np.empty(_ROOM, np.float32), np.empty(4 * LANES, np.float32)
+    grid, lanes = np.empty(_PLANES * most, np.float32), np.empty(4 * LANES, np.float32)
+    begins, sums = np.empty(TILE * (TILE + 1), np.int32), np.zeros((TILE + 1) * (TILE + 1), np.int32)
+    lines, xs, ys = np.empty(most, np.int64), np.zeros(most, np.float32), np.zeros(most, np.float32)
     record = np.empty((fullest, 12), np.float32)
-    for tile in range(first, last):
+    for t in range(first, last):
+        tile = tiles[t]
         left, top = (tile % across) * TILE, (tile // across) * TILE
         right, bottom = min(left + TILE, width) - 1, min(top + TILE, height) - 1
         begin, turn, end = starts[2 * tile], starts[2 * tile + 1], starts[2 * tile + 2]
-        for y in range(top, bottom + 1):
-            depth[y * width + left : y * width + right + 1] = _INF
-            out_leaf[y * width + left : y * width + right + 1] = -1
-            state[y, left : right + 1] = NOTHING
+        count = listed(whole, slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys)
+        for k in range(count):
+            line = lines[k]
+            depth[line], out_leaf[line], state[line] = _INF, -1, NOTHING
         if begin == end:
             continue
-        grid[:_PLANE] = _INF
-        grid[_BEST:_LABEL] = -_ONE
-        grid[_LABEL:] = _ZERO
+        # planes of a tile: depth of what is nearest, which it is, its label; whether a cut may pass; then the sums
+        plane = np.uint64(count + LANES)
+        best, label = plane, plane + plane
+        doubt, weights, behind = label + plane, label + label, label + label + plane
+        at_x, at_y, at_z = doubt + doubt, doubt + weights, weights + weights
+        at_red, at_green, at_blue = at_z + plane, at_z + label, at_z + doubt
+        grid[:plane] = _INF
+        grid[best:label] = -_ONE
+        grid[label : at_blue + plane] = _ZERO
         farthest, sides, creased = _INF, 1, False
         for run in range(4):  # what faces the camera and what does not, nearest first; then the same, blended
             side, blend = run & 1, run >= 2
             if blend and side >= sides:
                 break
             for entry in range(turn if side == 1 else begin, end if side == 1 else turn):
-                i, k = entries[entry], entry - begin
+                i, k = np.uint64(entries[entry]), entry - begin
                 m, r = leaf[i], radii[i]
                 if not blend:
+                    record[k, 8] = -_ONE
                     ez = depth_of(i, m, points, motions)
                     if side == 1 and ez - r > farthest:
-                        record[k, 8] = -_ONE
                         continue
+                elif record[k, 8] < _ZERO:
+                    continue
+                x0, x1, y0, y1, held = touched(i, box, reach, left, right, top, bottom, sums)
+                if held == 0:
+                    continue
+                if not blend:
                     nx, ny, nz = normal_of(i, m, normals, motions)
                     sx, sy, pixel, cosine = projected(
                         i, m, ez, nx, ny, nz, points, motions, slope, middle, size, cx, cy
@@ -120,20 +163,16 @@ def _draw(first, last, disks, placed, motions, view, fullest, depth, normal, col
                         cosine,
                         felt(bends[i], r, cosine, pixel, slope),
                     )
-                elif record[k, 8] < _ZERO:
-                    continue
                 sx, sy, pixel, ez = record[k, 0], record[k, 1], record[k, 2], record[k, 3]
                 nx, ny, nz, inverse, bend = record[k, 4], record[k, 5], record[k, 6], record[k, 7], record[k, 10]
                 mark, mine, me, gate = flags[i], np.float32(2 * m + side), np.float32(min(k, _EXACT)), BLEND * r
                 red, green, blue = np.float32(colors[i, 0]), np.float32(colors[i, 1]), np.float32(colors[i, 2])
                 small = r < PIXEL * pixel
-                x0, x1 = max(left, np.int64(box[i, 0])), min(right, np.int64(box[i, 1]))
-                runs = (x1 - x0) // LANES + 1
-                for y in range(max(top, np.int64(box[i, 2])), min(bottom, np.int64(box[i, 3])) + 1):
-                    row_y = np.float32(y)
-                    for part in range(runs):
-                        at = np.uint64(y - top) * _STRIDE + np.uint64(x0 - left + LANES * part)
-                        x = ramp() + np.float32(x0 + LANES * part)
+                for y in range(y0, y1, STRIDE):
+                    stop = begins[y + x1]
+                    for start in range(begins[y + x0], stop, LANES):
+                        at = np.uint64(start)
+                        x, row_y = load(xs, at), load(ys, at)
                         u, z, qx, qy, qz = fragment(
                             x, row_y, sx, sy, pixel, ez, nx, ny, nz, inverse, bend, slope, cx, cy
                         )
@@ -148,72 +187,69 @@ def _draw(first, last, disks, placed, motions, view, fullest, depth, normal, col
                             hit = (u < _ONE) & (z < known)
                             if some(hit):
                                 store(grid, at, pick(hit, z, known))
-                                store(grid, _BEST + at, pick(hit, me, load(grid, _BEST + at)))
-                                store(grid, _LABEL + at, pick(hit, mine, load(grid, _LABEL + at)))
+                                store(grid, best + at, pick(hit, me, load(grid, best + at)))
+                                store(grid, label + at, pick(hit, mine, load(grid, label + at)))
                             continue
-                        over = z - known
-                        same = (u < _ONE) & (over <= gate) & (load(grid, _LABEL + at) == mine)
+                        over = z - known  # what lies beyond the run's end belongs to the next row, and is met there
+                        same = (u < _ONE) & (over <= gate) & (load(grid, label + at) == mine)
+                        same = same & (ramp() < np.float32(stop - start))
                         if not some(same):
                             continue
                         weight = pick(same, (_ONE - u) * (_ONE - u) + LEAST, _ZERO)
                         if mark & CREASE or creased:
                             store(lanes, _FIRST, weight)
                             for h in range(np.uint64(LANES)):
-                                j = np.int64(grid[_BEST + at + h])
+                                j = np.int64(grid[best + at + h])
                                 if j < 0 or not (mark | flags[entries[begin + j]]) & CREASE:
                                     continue
                                 if nx * record[j, 4] + ny * record[j, 5] + nz * record[j, 6] < ALIKE:
                                     lanes[h] = _ZERO
                             weight = load(lanes, _FIRST)
-                        store(grid, _WEIGHT + at, load(grid, _WEIGHT + at) + weight)
-                        store(grid, _BEHIND + at, load(grid, _BEHIND + at) + weight * pick(same, over, _ZERO))
-                        store(grid, _NX + at, load(grid, _NX + at) + weight * nx)
-                        store(grid, _NY + at, load(grid, _NY + at) + weight * ny)
-                        store(grid, _NZ + at, load(grid, _NZ + at) + weight * nz)
+                        store(grid, weights + at, load(grid, weights + at) + weight)
+                        store(grid, behind + at, load(grid, behind + at) + weight * pick(same, over, _ZERO))
+                        store(grid, at_x + at, load(grid, at_x + at) + weight * nx)
+                        store(grid, at_y + at, load(grid, at_y + at) + weight * ny)
+                        store(grid, at_z + at, load(grid, at_z + at) + weight * nz)
                         if mark & PAINTED:
-                            store(grid, _RED + at, load(grid, _RED + at) + weight * red)
-                            store(grid, _GREEN + at, load(grid, _GREEN + at) + weight * green)
-                            store(grid, _BLUE + at, load(grid, _BLUE + at) + weight * blue)
+                            store(grid, at_red + at, load(grid, at_red + at) + weight * red)
+                            store(grid, at_green + at, load(grid, at_green + at) + weight * green)
+                            store(grid, at_blue + at, load(grid, at_blue + at) + weight * blue)
                         if mark & EDGE:
-                            store(grid, _DOUBT + at, load(grid, _DOUBT + at) + weight)
+                            store(grid, doubt + at, load(grid, doubt + at) + weight)
             if run == 0:
                 farthest = -_INF
-                for y in range(np.uint64(bottom - top + 1)):
-                    for x in range(np.uint64(right - left + 1)):
-                        farthest = max(farthest, grid[y * _STRIDE + x])
+                for k in range(np.uint64(count)):
+                    farthest = max(farthest, grid[k])
             elif run == 1:
-                for y in range(np.uint64(bottom - top + 1)):
-                    for x in range(np.uint64(right - left + 1)):
-                        j = np.int64(grid[_BEST + y * _STRIDE + x])
-                        if j >= 0:
-                            creased = creased or flags[entries[begin + j]] & CREASE != 0
-                            sides = 2 if np.int64(grid[_LABEL + y * _STRIDE + x]) & 1 == 1 else sides
-        for y in range(top, bottom + 1):
-            for x in range(left, right + 1):
-                at = np.uint64(y - top) * _STRIDE + np.uint64(x - left)
-                j = np.int64(grid[_BEST + at])
-                if j < 0:
-                    continue
-                i, p, weight = entries[begin + j], y * width + x, grid[_WEIGHT + at]
-                state[y, x] = SURE
-                if weight < THIN * (_ONE - record[j, 9]):
-                    state[y, x] = RIM
-                    continue
-                if grid[_DOUBT + at] > _ZERO:
-                    state[y, x] = UNSURE
-                mean = _ONE / weight
-                depth[p], out_leaf[p], out_row[p] = grid[at] + grid[_BEHIND + at] * mean, leaf[i], row[i]
-                nx, ny, nz = grid[_NX + at], grid[_NY + at], grid[_NZ + at]
-                length = math.sqrt(nx * nx + ny * ny + nz * nz)
-                if not length > _ZERO:
-                    nx, ny, nz, length = record[j, 4], record[j, 5], record[j, 6], _ONE
-                if nz > _ZERO:
-                    length = -length
-                    state[y, x] |= TURNED
-                normal[p, 0], normal[p, 1], normal[p, 2] = nx / length, ny / length, nz / length
-                if flags[i] & PAINTED:
-                    color[p, 0] = np.uint8(grid[_RED + at] * mean + _HALF)
-                    color[p, 1] = np.uint8(grid[_GREEN + at] * mean + _HALF)
-                    color[p, 2] = np.uint8(grid[_BLUE + at] * mean + _HALF)
-                else:
-                    color[p, 0], color[p, 1], color[p, 2] = colors[i, 0], colors[i, 1], colors[i, 2]
+                for k in range(np.uint64(count)):
+                    j = np.int64(grid[best + k])
+                    if j >= 0:
+                        creased = creased or flags[entries[begin + j]] & CREASE != 0
+                        sides = 2 if np.int64(grid[label + k]) & 1 == 1 else sides
+        for k in range(np.uint64(count)):
+            j = np.int64(grid[best + k])
+            if j < 0:
+                continue
+            i, p, weight = entries[begin + j], lines[k], grid[weights + k]
+            state[p] = SURE
+            if weight < THIN * (_ONE - record[j, 9]):
+                state[p] = RIM
+                continue
+            if grid[doubt + k] > _ZERO:
+                state[p] = UNSURE
+            mean = _ONE / weight
+            depth[p], out_leaf[p], out_row[p] = grid[k] + grid[behind + k] * mean, leaf[i], row[i]
+            nx, ny, nz = grid[at_x + k], grid[at_y + k], grid[at_z + k]
+            length = math.sqrt(nx * nx + ny * ny + nz * nz)
+            if not length > _ZERO:
+                nx, ny, nz, length = record[j, 4], record[j, 5], record[j, 6], _ONE
+            if nz > _ZERO:
+                length = -length
+                state[p] |= TURNED
+            normal[p, 0], normal[p, 1], normal[p, 2] = nx / length, ny / length, nz / length
+            if flags[i] & PAINTED:
+                color[p, 0] = np.uint8(grid[at_red + k] * mean + _HALF)
+                color[p, 1] = np.uint8(grid[at_green + k] * mean + _HALF)
+                color[p, 2] = np.uint8(grid[at_blue + k] * mean + _HALF)
+            else:
+                color[p, 0], color[p, 1], color[p, 2] = colors[i, 0], colors[i, 1], colors[i, 2]

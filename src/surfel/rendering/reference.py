@@ -9,7 +9,8 @@ from surfel.core.cast import Floats
 from surfel.core.execute import blocks
 from surfel.rendering.cast import first_hits
 from surfel.rendering.fragments import Fragments
-from surfel.rendering.frame import CENTRE, Frame, Places
+from surfel.rendering.frame import Frame
+from surfel.rendering.places import CENTRE, Places
 from surfel.rendering.scene import Item
 
 _BLOCK = 1 << 17

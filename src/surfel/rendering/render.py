@@ -13,8 +13,9 @@ from surfel.core.cast import as_choice
 from surfel.core.errors import InputError
 from surfel.rendering.camera import Camera, as_size
 from surfel.rendering.fragments import Fragments
-from surfel.rendering.frame import Frame, Places
+from surfel.rendering.frame import Frame
 from surfel.rendering.image import Image
+from surfel.rendering.places import Places
 from surfel.rendering.reference import Reference
 from surfel.rendering.scene import Scene
 from surfel.rendering.shading import developed, mean_of_places
