@@ -126,7 +126,8 @@ def _blue(source: Any, n: int, rng: np.random.Generator) -> Samples:
 
 def _dense(source: Any, radius: float, rng: np.random.Generator) -> Samples:
     """Throw darts, then cover what is left, triangle by triangle."""
-    from surfel.shapes.sample_apart import cover, keep_apart
+    from surfel.shapes.sample_apart import keep_apart
+    from surfel.shapes.sample_cover import cover
 
     if not isinstance(source, OfMesh):
         raise InputError("radius needs a mesh: only there is a surface between the points")
