@@ -137,9 +137,9 @@ def drawn(quick: bool) -> str:
     head = ["surfels each", "as published, ms", "a second", "default, ms", "a second", "paper, a second"]
     return (
         "## Frame rates, drawing included\n\nThe union of two bunnies, 640 x 480, one moved anew for each frame by "
-        "`transformed`, so that its disks, colours and index are made anew as well: the paper's quads in two passes, "
-        "and the default, which decides the cut once a pixel. Median and best on the clock, and least processor "
-        "time.\n\n" + table(head, rows)
+        "`transformed`, which hands on its disks, its colours and its index: the paper's quads in two passes, and the "
+        "default, which decides the cut once a pixel. Median and best on the clock, and least processor time.\n\n"
+        + table(head, rows)
     )
 
 

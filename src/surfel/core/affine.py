@@ -13,6 +13,8 @@ from surfel.core.errors import InputError
 _FLAT = 1e-13
 """A map that squeezes one direction by this share of the most stretched one is called singular."""
 
+_RIGID = 1e-12  # how far the square of a rotation may be off the identity, by rounding
+
 
 def as_affine(matrix: ArrayLike) -> Floats:
     """Return a 4 x 4 affine matrix, or say what is wrong with it."""
@@ -75,6 +77,12 @@ def inverse(matrix: Floats) -> Floats:
     """Return the upper three rows of the inverse of an affine matrix, shape (3, 4)."""
     linear = np.linalg.inv(matrix[:3, :3])
     return np.concatenate([linear, -(linear @ matrix[:3, 3])[:, None]], axis=1)
+
+
+def is_motion(matrix: Floats) -> bool:
+    """Tell whether an affine matrix, shape (4, 4), turns and shifts alone, within rounding."""
+    linear = matrix[:3, :3]
+    return float(np.abs(linear @ linear.T - np.eye(3)).max()) <= _RIGID and float(np.linalg.det(linear)) > 0.0
 
 
 def box_under(matrix: Floats, box: Floats) -> Floats:

@@ -142,12 +142,12 @@ def cloud_at(cloud: Surfels, points: Floats, directions: Floats) -> tuple[Floats
     """Return the normals of a cloud at places on its surface, its colors, and the row of the nearest surfel."""
     splats = splats_of(cloud)
     assert splats is not None  # a line has met it
-    squares, near = splats.index.knn_of(points, min(_NEAR, len(splats)))
+    squares, near = splats.near(points, _NEAR)
     lead = near[:, 0]
     weights = np.exp(-3.0 * squares / np.maximum(squares[:, -1:], 1e-300))
     across = np.einsum("ijk,ik->ij", splats.normals[near], splats.normals[lead])
     weights = np.where(np.abs(across) > 0.7, weights, 0.0) * np.sign(across)
-    normal = np.einsum("ij,ijk->ik", weights, splats.normals[near])
+    normal = np.einsum("ij,ijk->ik", weights, splats.normals[near]) @ splats.pose[:, :3].T
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     colors = None
     if splats.colors is not None:

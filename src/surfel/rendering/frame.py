@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,11 +52,11 @@ class Frame:
     @cached_property
     def motions(self) -> NDArray[np.float32]:
         """From the frame of each cloud to the camera's, depth relative to the scene's middle."""
-        turn = self.camera.frame
+        turn, poses = self.camera.frame, self.scene.poses
         moved = np.empty((len(self.scene.leaves), 3, 4))
-        moved[:, :, :3] = turn
-        moved[:, :, 3] = (self.scene.origins - self.camera.eye) @ turn.T
-        moved[:, 2, 3] = (self.scene.origins - self.scene.middle) @ turn[2]
+        moved[:, :, :3] = turn @ poses[:, :, :3]
+        moved[:, :, 3] = (poses[:, :, 3] - self.camera.eye) @ turn.T
+        moved[:, 2, 3] = (poses[:, :, 3] - self.scene.middle) @ turn[2]
         return moved.astype(np.float32)
 
     @cached_property
@@ -93,6 +94,11 @@ class Frame:
         middle = self.camera.eye + self.middle * turn[2]
         return np.asarray(middle + np.column_stack([across, down, ahead]) @ turn)
 
+    def _in_world(self, disks: Disks, rows: NDArray[np.integer[Any]], leaf: int) -> tuple[Floats, Floats]:
+        """Return where some surfels of a leaf lie in the world, and their normals."""
+        turn, shift = self.scene.poses[leaf, :, :3], self.scene.poses[leaf, :, 3]
+        return disks.points[:, rows].T @ turn.T + shift, disks.normals[:, rows].T @ turn.T
+
     def _sight(self, x: Floats, y: Floats) -> Sight:
         return sight(self.camera, self.size, x, y, self.middle, float(self.view.near))
 
@@ -120,7 +126,7 @@ class Frame:
         return seen
 
     def _deeper(
-        self, places: Places | None, seen: Fragments, state: NDArray[np.uint8], turned: Booleans
+        self, places: Places | None, seen: Fragments, state: NDArray[np.integer[Any]], turned: Booleans
     ) -> tuple[NDArray[np.int64], Booleans]:
         """Return the rows that show what lies behind the nearest sheet, and whether because that is cut away."""
         unsure, rims = np.flatnonzero(state == UNSURE), np.flatnonzero(state == RIM)

@@ -12,7 +12,7 @@ from surfel.rendering.disks import CLIPPED, ELLIPTIC, Disks
 from surfel.rendering.eights import LANES, load, pick, some, store
 from surfel.rendering.places import STRIDE, Places, chosen, listed, touched
 from surfel.rendering.placing import PIXEL, TILE, Placed, View
-from surfel.rendering.projection import depth_of, felt, fragment, in_pixels, normal_of, projected, shaped_eight
+from surfel.rendering.projection import depth_of, felt, fragment, in_pixels, normal_of, projected, shaped
 from surfel.rendering.raster import LEAST
 
 _ONE = np.float32(1.0)
@@ -103,7 +103,7 @@ def _gather(
     zero = np.uint64(0)
     begins, lines = np.empty(TILE * (TILE + 1), np.int32), np.empty(most, np.int64)
     sums = np.zeros((TILE + 1) * (TILE + 1), np.int32)
-    xs, ys, lanes = np.zeros(most, np.float32), np.zeros(most, np.float32), np.empty(4 * LANES, np.float32)
+    xs, ys, lanes = np.zeros(most, np.float32), np.zeros(most, np.float32), np.empty(2 * LANES, np.float32)
     for t in range(first, last):
         tile = tiles[t]
         left, top = (tile % across) * TILE, (tile // across) * TILE
@@ -128,7 +128,7 @@ def _gather(
                     fx, fy = load(xs, np.uint64(begin)), load(ys, np.uint64(begin))
                     u, z, qx, qy, qz = fragment(fx, fy, sx, sy, pixel, ez, nx, ny, nz, inverse, bend, slope, cx, cy)
                     if odd:
-                        u = shaped_eight(u, qx, qy, qz, i, flags, own, leaf, clips, planes, motions, lanes)
+                        u = shaped(u, qx, qy, qz, i, flags, own, leaf, clips, planes, motions)
                     elif r < PIXEL * pixel:
                         inside = u < _ONE
                         u, z = pick(inside, u, in_pixels(fx, fy, sx, sy)), pick(inside, z, ez)

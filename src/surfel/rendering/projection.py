@@ -8,7 +8,7 @@ import numpy as np
 
 from surfel._numba import inlined
 from surfel.rendering.disks import CLIPPED, ELLIPTIC
-from surfel.rendering.eights import LANES, load, pick, store
+from surfel.rendering.eights import pick
 from surfel.rendering.placing import PIXEL
 
 _PIXELS = np.float32(1.0) / (PIXEL * PIXEL)
@@ -94,25 +94,13 @@ def shaped(u, qx, qy, qz, i, flags, axes, leaf, clips, planes, motions):
     x = motions[m, 0, 0] * qx + motions[m, 1, 0] * qy + motions[m, 2, 0] * qz
     y = motions[m, 0, 1] * qx + motions[m, 1, 1] * qy + motions[m, 2, 1] * qz
     z = motions[m, 0, 2] * qx + motions[m, 1, 2] * qy + motions[m, 2, 2] * qz
-    if flags[i] & ELLIPTIC and u < _TWO:
+    if flags[i] & ELLIPTIC:
         ax, ay, az, bx, by, bz = axes[i, 0], axes[i, 1], axes[i, 2], axes[i, 3], axes[i, 4], axes[i, 5]
-        a = (x * ax + y * ay + z * az) / (ax * ax + ay * ay + az * az)
-        b = (x * bx + y * by + z * bz) / (bx * bx + by * by + bz * bz)
-        u = a * a + b * b
-    if flags[i] & CLIPPED and u < _ONE:
+        a = (x * ax + y * ay + z * az) * (_ONE / (ax * ax + ay * ay + az * az))
+        b = (x * bx + y * by + z * bz) * (_ONE / (bx * bx + by * by + bz * bz))
+        u = pick(u < _TWO, a * a + b * b, u)
+    if flags[i] & CLIPPED:
         for k in range(clips[i], clips[i + 1]):
-            if planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] * z > planes[k, 3]:
-                u = _TWO
-                break
+            over = planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] * z - planes[k, 3]
+            u = pick(over > _ZERO, _TWO, u)
     return u
-
-
-@inlined
-def shaped_eight(u, qx, qy, qz, i, flags, axes, leaf, clips, planes, motions, lanes):
-    """Return the same for eight places; ``lanes`` is room for 32 numbers."""
-    for k, eight in enumerate((u, qx, qy, qz)):
-        store(lanes, np.uint64(LANES * k), eight)
-    for h in range(LANES):
-        x, y, z = lanes[LANES + h], lanes[2 * LANES + h], lanes[3 * LANES + h]
-        lanes[h] = shaped(lanes[h], x, y, z, i, flags, axes, leaf, clips, planes, motions)
-    return load(lanes, np.uint64(0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +34,7 @@ class ClipBuffer(Frame):
     """
 
     def _deeper(
-        self, places: Places | None, seen: Fragments, state: NDArray[np.uint8], turned: Booleans
+        self, places: Places | None, seen: Fragments, state: NDArray[np.integer[Any]], turned: Booleans
     ) -> tuple[NDArray[np.int64], Booleans]:
         rows = np.flatnonzero(state >= UNSURE)
         return rows, np.zeros(len(rows), np.bool_)
@@ -57,8 +58,7 @@ class ClipBuffer(Frame):
             item, of = self.scene.item_of(int(k)), np.flatnonzero(leaf == k)
             assert item.rule is not None  # only trees have edges
             who = lists.who[edge[of]]
-            points = self.disks.points[:, who].T + self.scene.origins[k]
-            normals = self.disks.normals[:, who].T.astype(np.float64)
+            points, normals = self._in_world(self.disks, who, int(k))
             sides = {}
             for j, other in enumerate(item.leaves):
                 if j + item.first == k or j in item.rule.sheets:
@@ -92,8 +92,7 @@ class Quads(Frame):
         good: Booleans = ~edge
         for k in np.unique(disks.leaf[edge]):
             item, of = self.scene.item_of(int(k)), np.flatnonzero(edge & (disks.leaf == k))
-            points = disks.points[:, of].T + self.scene.origins[k]
-            normals = disks.normals[:, of].T.astype(np.float64)
+            points, normals = self._in_world(disks, of, int(k))
             good[of] = kept(item, int(k) - item.first, points, normals, self.scene.reach)
         some = disks.chosen(good)
         return some._replace(flags=some.flags & np.uint8(255 - EDGE))

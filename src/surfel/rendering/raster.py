@@ -17,7 +17,7 @@ from surfel.rendering.eights import LANES, load, pick, ramp, some, store
 from surfel.rendering.fragments import Fragments
 from surfel.rendering.places import STRIDE, Places, chosen, listed, touched
 from surfel.rendering.placing import PIXEL, TILE, Placed, View
-from surfel.rendering.projection import depth_of, felt, fragment, in_pixels, normal_of, projected, shaped_eight
+from surfel.rendering.projection import depth_of, felt, fragment, in_pixels, normal_of, projected, shaped
 
 BLEND = np.float32(0.5)
 """Fragments within this share of their radius behind the nearest one are of its sheet."""
@@ -33,7 +33,7 @@ STATES, TURNED = 3, 4
 
 LEAST = np.float32(1e-6)
 
-_FIRST, _PLANES = np.uint64(0), 12
+_PLANES = 16
 _EXACT = 1 << 24  # floats hold all whole numbers up to this
 _ZERO, _ONE, _TWO, _INF, _HALF = (np.float32(v) for v in (0.0, 1.0, 2.0, np.inf, 0.5))
 
@@ -108,7 +108,7 @@ def _draw(
         view.height,
     )
     across, special = -(-width // TILE), CLIPPED | ELLIPTIC
-    grid, lanes = np.empty(_PLANES * most, np.float32), np.empty(4 * LANES, np.float32)
+    grid = np.empty(_PLANES * most, np.float32)
     begins, sums = np.empty(TILE * (TILE + 1), np.int32), np.zeros((TILE + 1) * (TILE + 1), np.int32)
     lines, xs, ys = np.empty(most, np.int64), np.zeros(most, np.float32), np.zeros(most, np.float32)
     record = np.empty((fullest, 12), np.float32)
@@ -123,12 +123,14 @@ def _draw(
             depth[line], out_leaf[line], state[line] = _INF, -1, NOTHING
         if begin == end:
             continue
-        # planes of a tile: depth of what is nearest, which it is, its label; whether a cut may pass; then the sums
+        # planes of a tile: depth of what is nearest, which it is, its label; whether a cut may pass; the sums; and
+        # where there are sharp edges, the normal of what is nearest, and the cosine from which others are blended
         plane = np.uint64(count + LANES)
         best, label = plane, plane + plane
         doubt, weights, behind = label + plane, label + label, label + label + plane
         at_x, at_y, at_z = doubt + doubt, doubt + weights, weights + weights
         at_red, at_green, at_blue = at_z + plane, at_z + label, at_z + doubt
+        on_x, on_y, on_z, sharp = at_red + doubt, at_red + weights, at_blue + doubt, at_blue + weights
         grid[:plane] = _INF
         grid[best:label] = -_ONE
         grid[label : at_blue + plane] = _ZERO
@@ -167,7 +169,7 @@ def _draw(
                 nx, ny, nz, inverse, bend = record[k, 4], record[k, 5], record[k, 6], record[k, 7], record[k, 10]
                 mark, mine, me, gate = flags[i], np.float32(2 * m + side), np.float32(min(k, _EXACT)), BLEND * r
                 red, green, blue = np.float32(colors[i, 0]), np.float32(colors[i, 1]), np.float32(colors[i, 2])
-                small = r < PIXEL * pixel
+                small, creased = r < PIXEL * pixel, creased or mark & CREASE != 0
                 for y in range(y0, y1, STRIDE):
                     stop = begins[y + x1]
                     for start in range(begins[y + x0], stop, LANES):
@@ -177,7 +179,7 @@ def _draw(
                             x, row_y, sx, sy, pixel, ez, nx, ny, nz, inverse, bend, slope, cx, cy
                         )
                         if mark & special:
-                            u = shaped_eight(u, qx, qy, qz, i, flags, own, leaf, clips, planes, motions, lanes)
+                            u = shaped(u, qx, qy, qz, i, flags, own, leaf, clips, planes, motions)
                         elif small:
                             inside = u < _ONE
                             u = pick(inside, u, in_pixels(x, row_y, sx, sy))
@@ -196,15 +198,14 @@ def _draw(
                         if not some(same):
                             continue
                         weight = pick(same, (_ONE - u) * (_ONE - u) + LEAST, _ZERO)
-                        if mark & CREASE or creased:
-                            store(lanes, _FIRST, weight)
-                            for h in range(np.uint64(LANES)):
-                                j = np.int64(grid[best + at + h])
-                                if j < 0 or not (mark | flags[entries[begin + j]]) & CREASE:
-                                    continue
-                                if nx * record[j, 4] + ny * record[j, 5] + nz * record[j, 6] < ALIKE:
-                                    lanes[h] = _ZERO
-                            weight = load(lanes, _FIRST)
+                        if creased:  # blend nothing over a sharp edge with what is nearest
+                            cosine = (
+                                nx * load(grid, on_x + at) + ny * load(grid, on_y + at) + nz * load(grid, on_z + at)
+                            )
+                            if mark & CREASE:
+                                weight = pick(cosine < ALIKE, _ZERO, weight)
+                            else:
+                                weight = pick(cosine < load(grid, sharp + at), _ZERO, weight)
                         store(grid, weights + at, load(grid, weights + at) + weight)
                         store(grid, behind + at, load(grid, behind + at) + weight * pick(same, over, _ZERO))
                         store(grid, at_x + at, load(grid, at_x + at) + weight * nx)
@@ -224,7 +225,10 @@ def _draw(
                 for k in range(np.uint64(count)):
                     j = np.int64(grid[best + k])
                     if j >= 0:
-                        creased = creased or flags[entries[begin + j]] & CREASE != 0
+                        if creased:
+                            on = np.uint64(j)
+                            grid[on_x + k], grid[on_y + k], grid[on_z + k] = record[on, 4], record[on, 5], record[on, 6]
+                            grid[sharp + k] = ALIKE if flags[entries[begin + j]] & CREASE else -_TWO
                         sides = 2 if np.int64(grid[label + k]) & 1 == 1 else sides
         for k in range(np.uint64(count)):
             j = np.int64(grid[best + k])

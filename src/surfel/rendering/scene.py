@@ -89,7 +89,8 @@ class Scene:
         """Places round which a camera is fitted, shape (m, 3): some surfels, and corners round what is exact."""
         disks = self.disks
         some = slice(None, None, len(disks.radii) // _FEW + 1)
-        parts = [disks.points[:, some].T + self.origins[disks.leaf[some]]]
+        pose = self.poses[disks.leaf[some]]
+        parts = [np.einsum("nij,jn->ni", pose[:, :, :3], disks.points[:, some]) + pose[:, :, 3]]
         for item in self.items:
             box = box_of(item.shape)
             if box is None:
@@ -124,11 +125,11 @@ class Scene:
         return {k: splats for k, splats in found.items() if splats is not None}
 
     @cached_property
-    def origins(self) -> Floats:
-        """What the points of each leaf are relative to, shape (leaves, 3)."""
-        found = np.zeros((len(self.leaves), 3))
+    def poses(self) -> Floats:
+        """From what the points of each leaf are told in to the world, shape (leaves, 3, 4)."""
+        found = np.zeros((len(self.leaves), 3, 4))
         for k, splats in self.splats.items():
-            found[k] = splats.index.origin
+            found[k] = splats.pose
         return found
 
     @cached_property

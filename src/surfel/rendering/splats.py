@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -24,11 +24,15 @@ NEIGHBOUR = 6
 BESIDE = 16  # neighbours whose cells may bound that of a surfel
 AROUND = 10  # neighbours that tell bends and creases
 _LARGEST = 8.0  # medians: strays shall not hide what is behind them
+_ALL = slice(None)
 
 
 @dataclass(frozen=True, eq=False)
 class Splats:
-    """The disks of a cloud, sorted along a curve, in its own coordinates less ``origin``.
+    """The disks of a cloud, sorted along a curve.
+
+    A cloud that was turned and shifted shares all but ``pose`` with the cloud that it was: all coordinates here are
+    those of that one, less the ``origin`` of the index.
 
     Parameters
     ----------
@@ -48,6 +52,8 @@ class Splats:
         Whether the normals of the neighbours spread.
     clips, planes : NDArray[np.int32], shape (n + 1,), and Floats, shape (k, 4)
         Compressed rows of planes ``n . (x - centre) <= d`` that cut the disks, those at creases included.
+    pose : Floats, shape (3, 4)
+        From the coordinates here to the world.
     """
 
     index: PointIndex
@@ -59,14 +65,23 @@ class Splats:
     creased: Booleans
     clips: NDArray[np.int32]
     planes: Floats
+    pose: Floats
 
     def __len__(self) -> int:
         return len(self.radii)
 
-    @property
-    def reach(self) -> float:
-        """The largest radius."""
-        return float(self.radii.max(initial=0.0))
+    def places(self, rows: NDArray[np.int64] | slice = _ALL) -> Floats:
+        """Return where some surfels lie in the world."""
+        return np.asarray(self.index.points[rows] @ self.pose[:, :3].T + self.pose[:, 3])
+
+    def upright(self, rows: NDArray[np.int64] | slice = _ALL) -> Floats:
+        """Return their normals in the world."""
+        return np.asarray(self.normals[rows] @ self.pose[:, :3].T)
+
+    def near(self, points: Floats, number: int) -> tuple[Floats, NDArray[np.int32]]:
+        """Return the squared distances and the rows of the surfels nearest to places of the world."""
+        there = (points - self.pose[:, 3]) @ self.pose[:, :3]
+        return self.index.knn_of(there + self.index.origin, min(number, len(self)))
 
 
 _made: WeakKeyDictionary[Surfels, Splats | None] = WeakKeyDictionary()
@@ -77,8 +92,17 @@ def splats_of(cloud: Surfels) -> Splats | None:
     """Return the disks of a cloud; None of one without points."""
     with _lock:
         if cloud not in _made:
-            _made[cloud] = _splats_of(cloud) if len(cloud) else None
+            rest, motion = cloud._at_rest
+            if rest is cloud:
+                _made[cloud] = _splats_of(cloud) if len(cloud) else None
+            else:
+                same = splats_of(rest)
+                _made[cloud] = None if same is None else replace(same, pose=motion[:3] @ _whole(same.pose))
         return _made[cloud]
+
+
+def _whole(pose: Floats) -> Floats:
+    return np.concatenate([pose, [[0.0, 0.0, 0.0, 1.0]]])
 
 
 def eight_bit(colors: NDArray[Any]) -> NDArray[np.uint8]:
@@ -109,7 +133,8 @@ def _splats_of(cloud: Surfels) -> Splats:
     bends = np.zeros(len(cloud)) if axes is not None else bends_of(index.points, normals, radii, near, rounded)
     clips, planes = _joined(own_clips, own_planes, *_given_clips(cloud, order))
     colors = None if cloud.colors is None else eight_bit(cloud.colors)[order]
-    return Splats(index, normals, radii, bends, colors, axes, creased, clips, planes)
+    pose = np.column_stack([np.eye(3), index.origin])
+    return Splats(index, normals, radii, bends, colors, axes, creased, clips, planes, pose)
 
 
 def _normals(cloud: Surfels) -> Floats:

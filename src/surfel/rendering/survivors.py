@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from surfel.core.cast import Booleans, Floats
 from surfel.core.errors import InputError
 from surfel.inside.classes import IN, ON_OPPOSED, ON_SAME
+from surfel.rendering.asking import asked
 from surfel.rendering.bits import Beside, Bits, survival
 from surfel.rendering.splats import AROUND, Splats, splats_of
 from surfel.shapes.base import Shape
@@ -81,15 +82,16 @@ def _in_cloud(cloud: Surfels, splats: Splats, other: Surfels) -> Beside:
     if not len(other):
         return Beside.constant(False, n)
     reach = float(np.quantile(splats.radii, _COMMON))
-    operand = cloud.operand
-    found = other.classifier.classify(operand, reach=reach)
+    rest, motion = cloud._at_rest
+    operand = rest.operand
+    found = asked(other, operand, pose=motion, reach=reach)
     kind, near = np.empty(n, np.int8), np.empty(n, np.bool_)
     kind[operand.order] = found.kind
     near[operand.order] = found.near | (found.kind > IN)
     order = splats.index.order
     kind, near = kind[order], near[order] | (splats.radii > reach)
     places = np.flatnonzero(near & (kind <= IN))
-    near[places] = _parted(splats, places, kind[places] == IN, lambda points: other.classifier.classify(points).inside)
+    near[places] = _parted(splats, places, kind[places] == IN, lambda points: asked(other, points).inside)
     on = kind > IN
     if on.any() and n > AROUND:
         rows = np.flatnonzero(on)
@@ -104,7 +106,7 @@ def _in_cloud(cloud: Surfels, splats: Splats, other: Surfels) -> Beside:
 def _in_solid(splats: Splats, other: Shape) -> Beside:
     """Ask an exact solid for a ring of places round each disk that its box comes near."""
     n = len(splats)
-    points = splats.index.points + splats.index.origin
+    points = splats.places()
     inside, near = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     try:
         box = np.asarray(other.bounds)
@@ -124,8 +126,8 @@ def _parted(
     splats: Splats, rows: NDArray[np.int64], inside: Booleans, contains: Callable[[Floats], Booleans]
 ) -> Booleans:
     """Tell of some disks whether their centres and a ring of places round them lie on both sides of a surface."""
-    points, wide = splats.index.points[rows] + splats.index.origin, _RING * splats.radii[rows, None]
-    u, v = frames(splats.normals[rows])
+    points, wide = splats.places(rows), _RING * splats.radii[rows, None]
+    u, v = frames(splats.upright(rows))
     parted = np.zeros(len(rows), np.bool_)
     for angle in 2.0 * np.pi / _CORNERS * np.arange(_CORNERS):
         parted |= contains(points + wide * (np.cos(angle) * u + np.sin(angle) * v)) != inside

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from surfel.booleans.sides import FROM_KIND, IN, OPPOSED, OUT, SAME, Sides
 from surfel.core.cast import Booleans, Floats
+from surfel.rendering.asking import asked
 from surfel.rendering.scene import Item, box_of
 from surfel.shapes.base import Shape
 from surfel.shapes.surfels import Surfels
@@ -50,7 +51,7 @@ def sides_of(other: Shape, points: Floats, normals: Floats, reach: float) -> NDA
     if not len(some):
         return sides
     if isinstance(other, Surfels):
-        sides[some] = FROM_KIND[other.classifier.classify(points[some], normals=normals[some]).kind]
+        sides[some] = FROM_KIND[asked(other, points[some], normals[some]).kind]
         return sides
     step = _BESIDE * reach * normals[some]
     below, above = other._contains(points[some] - step), other._contains(points[some] + step)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
+from weakref import ref
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from surfel.core.affine import as_affine
+from surfel.core.affine import as_affine, is_motion
 from surfel.core.cast import Floats, as_choice
 from surfel.core.crossings import Crossings
 from surfel.core.errors import InputError
@@ -72,16 +73,18 @@ class Surfels(CloudColumns, Shape):
     (2000, True)
     """
 
-    _derived: ClassVar[tuple[str, ...]] = ("_lock", "_surface", "_operand", "_classifiers")
+    _derived: ClassVar[tuple[str, ...]] = ("_lock", "_surface", "_operand", "_classifiers", "_moved_from")
     _surface: CloudSurface | None
     _operand: Operand | None
     _classifiers: dict[str, Classifier]
+    _moved_from: tuple[ref[Surfels], Floats] | None
 
     def _forget(self) -> None:
         """Start with nothing derived."""
         self._surface = None
         self._operand = None
         self._classifiers = {}
+        self._moved_from = None
 
     @property
     def surface(self) -> CloudSurface:
@@ -185,13 +188,29 @@ class Surfels(CloudColumns, Shape):
         linear = affine[:3, :3]
         normals = None if self._normals is None else self._normals @ np.linalg.inv(linear)
         radii = None if self._radii is None else self._radii * abs(np.linalg.det(linear)) ** (1.0 / 3.0)
-        return self._like(
+        moved = self._like(
             points=self._points @ linear.T + affine[:3, 3],
             normals=normals,
             radii=radii,
             axes=None if self._axes is None else axes_under(self._axes, linear),
             clips=None if self._clips is None else self._clips.transformed(linear, self._normals),
         )
+        if is_motion(affine):
+            rest, motion = self._at_rest
+            moved._moved_from = (ref(rest), affine @ motion)
+        return moved
+
+    @property
+    def _at_rest(self) -> tuple[Surfels, Floats]:
+        """The cloud that this one is, turned and shifted, while that lives, and the motion; else itself, unmoved.
+
+        What was learnt from that cloud need not be learnt anew.
+        """
+        if self._moved_from is not None:
+            rest = self._moved_from[0]()
+            if rest is not None:
+                return rest, self._moved_from[1]
+        return self, np.eye(4)
 
     def cropped(self, shape: Shape) -> Surfels:
         """Return the part of the cloud whose points lie inside ``shape``."""

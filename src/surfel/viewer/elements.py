@@ -65,7 +65,7 @@ def _of_cloud(cloud: Surfels, most: int) -> Elements:
     splats = splats_of(cloud)
     if splats is None:
         return Elements(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), None)
-    whole = Elements(splats.index.points + splats.index.origin, splats.normals, splats.radii, splats.colors)
+    whole = Elements(splats.places(), splats.upright(), splats.radii, splats.colors)
     return thinned(whole, np.zeros(len(whole.points), np.bool_), most)[0]
 
 

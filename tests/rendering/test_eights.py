@@ -1,0 +1,115 @@
+"""Eights: every operation against numpy, lane by lane, in all ways in which eights and floats can meet."""
+
+from __future__ import annotations
+
+import operator
+
+import numpy as np
+import pytest
+
+from surfel._numba import kernel
+from surfel.rendering.eights import LANES, load, pick, ramp, root, some, store
+
+A = np.array([1.5, -2.0, 0.0, 3.25, -0.0, 1e20, -7.0, 0.125], np.float32)
+B = np.array([0.5, -2.0, 4.0, -1.0, 2.0, 1e-3, 7.0, 0.125], np.float32)
+ONE = np.float32(-2.0)
+
+
+def of_pairs(operation):
+    """Return a kernel that writes eight by eight, eight by float, and float by eight."""
+
+    @kernel
+    def run(a, b, one, out):
+        first, second = load(a, np.uint64(0)), load(b, np.uint64(0))
+        store(out, np.uint64(0), operation(first, second))
+        store(out, np.uint64(8), operation(first, one))
+        store(out, np.uint64(16), operation(one, second))
+
+    return run
+
+
+def of_comparison(operation):
+    """Return a kernel that writes 1 where a comparison holds and -1 elsewhere, in the same three ways."""
+
+    @kernel
+    def run(a, b, one, out):
+        first, second = load(a, np.uint64(0)), load(b, np.uint64(0))
+        yes, no = np.float32(1.0), np.float32(-1.0)
+        store(out, np.uint64(0), pick(operation(first, second), yes, no))
+        store(out, np.uint64(8), pick(operation(first, one), yes, no))
+        store(out, np.uint64(16), pick(operation(one, second), yes, no))
+
+    return run
+
+
+def pairs(operation) -> np.ndarray:
+    with np.errstate(all="ignore"):
+        return np.concatenate([operation(A, B), operation(A, ONE), operation(ONE, B)])
+
+
+@pytest.mark.parametrize("name", ["add", "sub", "mul", "truediv"])
+def test_arithmetic_is_that_of_single_floats(name):
+    operation, out = getattr(operator, name), np.empty(3 * LANES, np.float32)
+    of_pairs(operation)(A, B, ONE, out)
+    np.testing.assert_array_equal(out, pairs(operation))
+
+
+@pytest.mark.parametrize("name", ["lt", "gt", "le", "eq"])
+def test_comparisons_are_those_of_single_floats(name):
+    operation, out = getattr(operator, name), np.empty(3 * LANES, np.float32)
+    of_comparison(operation)(A, B, ONE, out)
+    np.testing.assert_array_equal(out > 0.0, pairs(operation))
+
+
+@kernel
+def _others(a, b, out):
+    first, second = load(a, np.uint64(0)), load(b, np.uint64(0))
+    both = (first < second) & (second > np.float32(0.0))
+    store(out, np.uint64(0), -first)
+    store(out, np.uint64(8), root(second))
+    store(out, np.uint64(16), ramp())
+    store(out, np.uint64(24), pick(both, first, np.float32(9.0)))
+    store(out, np.uint64(32), pick(both, np.float32(9.0), second))
+
+
+def test_signs_roots_ramps_and_choices():
+    out = np.empty(5 * LANES, np.float32)
+    _others(A, np.abs(B), out)
+    b = np.abs(B)
+    both = (b > A) & (b > 0.0)
+    np.testing.assert_array_equal(out[:8], -A)
+    assert np.signbit(out[2]) and not np.signbit(out[4])  # of zeros, too
+    np.testing.assert_array_equal(out[8:16], np.sqrt(b))
+    np.testing.assert_array_equal(out[16:24], np.arange(8))
+    np.testing.assert_array_equal(out[24:32], np.where(both, A, np.float32(9.0)))
+    np.testing.assert_array_equal(out[32:], np.where(both, np.float32(9.0), b))
+
+
+@kernel
+def _moved(source, at, to, target):
+    store(target, to, load(source, at))
+
+
+def test_eights_are_read_and_written_anywhere_and_nowhere_else():
+    source, target = np.arange(20, dtype=np.float32), np.full(20, -1.0, np.float32)
+    _moved(source, np.uint64(3), np.uint64(5), target)
+    np.testing.assert_array_equal(target[5:13], source[3:11])
+    assert (target[:5] == -1.0).all() and (target[13:] == -1.0).all()
+
+
+@kernel
+def _any_below(a, one):
+    return some(load(a, np.uint64(0)) < one)
+
+
+@pytest.mark.parametrize("lane", range(LANES))
+def test_some_sees_every_lane(lane):
+    values = np.zeros(LANES, np.float32)
+    assert not _any_below(values, np.float32(0.0))
+    values[lane] = -1.0
+    assert _any_below(values, np.float32(0.0))
+
+
+def test_what_is_no_number_compares_as_false():
+    values = np.full(LANES, np.nan, np.float32)
+    assert not _any_below(values, np.float32(np.inf))
