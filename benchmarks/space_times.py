@@ -15,7 +15,8 @@ from benchmarks.shapes import NoDataError
 from benchmarks.tables import table
 from surfel.core.affine import rotation, translation
 from surfel.core.cast import Floats
-from surfel.inside.classify import SHEETS, Classifier
+from surfel.inside.classify import Classifier
+from surfel.inside.decision import SHEETS
 from surfel.inside.octree import build_octree
 from surfel.inside.octree_classify import COLOURINGS, OctreeClassifier, two_plane_slabs
 from surfel.inside.octree_colour import colour_by_flood, colour_per_level

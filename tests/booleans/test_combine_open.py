@@ -31,6 +31,19 @@ def test_a_bowl_gives_an_answer():
         assert len(result.surfels) > 0
 
 
+def test_strays_are_told_of_and_change_little():
+    rng = np.random.default_rng(4)
+    a, tool = ball(20_000, 1), ball(20_000, 2, 0.6, 0.9)
+    away = rng.uniform(-1.0, 1.0, (200, 3))
+    away = away[np.abs(np.linalg.norm(away, axis=1) - 1.0) > 0.15]
+    normals = np.concatenate([a.normals, away / np.linalg.norm(away, axis=1)[:, None]])
+    spoilt = surfel.Surfels(np.concatenate([a.points, away]), normals)
+    clean, result = surfel.combine(tool - a), surfel.combine(tool - spoilt)
+    (warning,) = (text for text in result.warnings if "far off" in text)
+    assert warning.startswith("operand 1: 1") and not any("far off" in text for text in clean.warnings)
+    assert result.kept[0] == pytest.approx(clean.kept[0], rel=0.01)
+
+
 def test_a_flipped_patch_is_turned_and_reported():
     a = ball(6000, 1)
     normals = np.where(a.points[:, 2:] > 0.75, -a.normals, a.normals)

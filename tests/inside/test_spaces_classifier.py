@@ -11,7 +11,8 @@ import pytest
 from surfel.core.affine import rotation, translation
 from surfel.core.errors import InputError
 from surfel.inside.classes import IN, ON_OPPOSED, ON_SAME, OUT
-from surfel.inside.classify import SHEETS, Classifier
+from surfel.inside.classify import Classifier
+from surfel.inside.decision import SHEETS
 from surfel.inside.operand import Operand
 
 Floats = np.ndarray

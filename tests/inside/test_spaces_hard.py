@@ -51,6 +51,44 @@ def test_strays_round_about_spoil_little(count: int) -> None:
     assert not classifier.leaky and wrong(classifier, places()) <= 0.003
 
 
+@pytest.mark.parametrize(("count", "wide"), [(400, 1.0), (1200, 3.0)])
+def test_one_stray_in_a_hundred_surfels_spoils_little(count: int, wide: float) -> None:
+    """Far from the surface their neighbours are other strays, which must not vouch for each other."""
+    rng, points = np.random.default_rng(count), sphere(40_000)
+    away, normals = wide * rng.uniform(-1.0, 1.0, (count, 3)), sphere(count, 6)
+    cloud = Operand.of(np.concatenate([points, away]), np.concatenate([points, normals]))
+    found = cloud.strays[np.argsort(cloud.order)]
+    far = np.abs(np.linalg.norm(away, axis=1) - 1.0) > 0.15
+    assert not found[:40_000].any() and found[40_000:][far].mean() > 0.97
+    classifier = Classifier(cloud)
+    assert not classifier.leaky and classifier.conflict < 0.01
+    assert wrong(classifier, places() / 1.4) <= 0.008
+
+
+@pytest.mark.parametrize("feature", ["wire", "sparse wire", "bent wire", "tube", "small ball"])
+def test_thin_and_sparse_features_are_no_strays(feature: str) -> None:
+    points, rng = sphere(40_000), np.random.default_rng(0)
+    h = np.sqrt(4.0 * np.pi / 40_000)
+    along, angle = np.arange(60.0), rng.uniform(0.0, 2.0 * np.pi, 60)
+    nothing = np.zeros(60)
+    round_ = np.stack([nothing, np.cos(angle), np.sin(angle)], axis=1)
+    if feature == "small ball":  # 30 times as sparse
+        normals = sphere(56, 3)
+        extra = 0.1 * normals + [1.3, 0.0, 0.0]
+    elif feature == "bent wire":
+        extra = np.stack(
+            [1.0 + 20.0 * h * np.sin(along / 10.0), 20.0 * h * (1.0 - np.cos(along / 10.0)), nothing], axis=1
+        )
+        normals = np.tile([0.0, 0.0, 1.0], (60, 1))
+    else:
+        step = 3.0 if feature == "sparse wire" else 1.0
+        extra, normals = np.stack([1.0 + step * h * along, nothing, nothing], axis=1), round_
+        if feature == "tube":
+            extra = extra + 0.5 * h * round_
+    cloud = Operand.of(np.concatenate([points, extra]), np.concatenate([points, normals]))
+    assert not cloud.strays.any()
+
+
 @pytest.mark.parametrize("shape", ["even", "uneven", "plate", "hemisphere", "noisy"])
 def test_no_surfel_of_a_surface_is_a_stray(shape: str) -> None:
     rng, points = np.random.default_rng(3), sphere(30_000)

@@ -120,6 +120,16 @@ def test_conflict_is_nothing_closed_little_open_and_more_with_flips() -> None:
     assert both.leaky and both.conflict > open_.conflict + 0.05
 
 
+@pytest.mark.parametrize("least", [0.0, -0.5, -0.9])
+def test_a_clean_open_cloud_has_little_conflict_however_wide_it_is_open(least: float) -> None:
+    p = sphere(20_000)
+    p = p[p[:, 2] > least]
+    turned = np.random.default_rng(1).random(len(p)) < 0.1
+    clean, flipped = Classifier(Operand.of(p, p)), Classifier(Operand.of(p, np.where(turned[:, None], -p, p)))
+    assert clean.leaky and 0.0 < clean.conflict < 0.06
+    assert flipped.conflict > clean.conflict + 0.05
+
+
 def test_films_are_about_the_same_whatever_the_order_of_the_points() -> None:
     p = sphere(20_000)
     p = p[p[:, 2] > -0.8]

@@ -9,17 +9,18 @@ from numpy.typing import NDArray
 
 from surfel._numba import rows, threads_for
 from surfel._vec import dot, tangent_frame
+from surfel.booleans.beside import Nearest, nearest_to
 from surfel.booleans.model import MOST, Model
 from surfel.booleans.sides import IN, OPPOSED, OUT, SAME
 from surfel.core.cast import Floats
 from surfel.inside.coincidence import ALIGNED, DISTANCE, lies_along
 from surfel.inside.operand import Operand
-from surfel.inside.sheets import NEIGHBOURS, side_of_sheets
+from surfel.inside.sheets import side_of_sheets
 
 _SLACK = (1.5, 1.2, 1.0)
 """So often is the cut looked for, each time from where it was found; what is farther off, in reaches, is let go."""
 
-_VOID = 1.5
+VOID = 1.5
 """No place of a surface is farther than this from the nearest surfel, in spacings; so what is farther is not cut."""
 
 _FLAT = 1e-3  # square of the sine below which a sheet and a tangent plane do not meet near by
@@ -34,7 +35,7 @@ def cut_by_cloud(
     reach: Floats,
     chosen: NDArray[np.int64],
     sides: NDArray[np.uint8],
-    around: tuple[Floats, NDArray[np.int32]],
+    around: Nearest,
 ) -> Model:
     """Return where the surface of a cloud cuts some surfels.
 
@@ -52,17 +53,15 @@ def cut_by_cloud(
     reach : Floats, shape (n,)
         How far from its centre each may be cut.
     chosen : NDArray[np.int64], shape (m,)
-        Which of them may be cut at all, ascending.
+        Which of them may be cut at all, ascending: none farther from the cloud than its reach and :data:`VOID`.
     sides : NDArray[np.uint8], shape (n,)
         Those of their centres. Where one is on the surface, the sheet that lies as the surfel does is that surface.
     around : Floats, NDArray[np.int32], shape (m, k)
-        What :func:`nearest_to` says of the chosen ones.
+        What :func:`surfel.booleans.beside.nearest_to` says of the chosen ones.
     """
     if not len(chosen) or not len(operand):
         return Model.none()
     squares, near = around
-    close = np.sqrt(squares[:, 0]) <= reach[chosen] + _VOID * operand.spacings[near[:, 0]]
-    chosen, squares, near = chosen[close], squares.compress(close, axis=0), near.compress(close, axis=0)
     centres = operand.local(points.take(chosen, axis=0))
     upright, far = normals.take(chosen, axis=0), reach[chosen]
     places = centres.copy()
@@ -83,12 +82,6 @@ def cut_by_cloud(
         centres, upright, places = (each.take(met, axis=0) for each in (centres, upright, places))
         far = far[met]
     return Model(chosen, lines[met], count[met], table[met])
-
-
-def nearest_to(operand: Operand, places: Floats) -> tuple[Floats, NDArray[np.int32]]:
-    """Return the squared distances to the surfels nearest to local places, and their rows."""
-    k = min(NEIGHBOURS, len(operand))
-    return operand.index._nearest(places, np.arange(len(places), dtype=np.int32), k, own=False)
 
 
 @rows

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from surfel.core.cast import as_choice
 from surfel.core.errors import InputError
 from surfel.inside.classes import Classes
-from surfel.inside.classify import SHEETS, Decision
 from surfel.inside.classify import Classifier as InnerClassifier
+from surfel.inside.decision import SHEETS, Decision
 from surfel.inside.judges import NAMES
 from surfel.inside.operand import Operand
 from surfel.shapes.surfels import Surfels

@@ -10,6 +10,7 @@ import numpy as np
 from surfel._numba import compile_seconds
 from surfel.booleans.assemble import Cut, assembled
 from surfel.booleans.by_solid import SolidLeaf
+from surfel.booleans.findings import Findings, findings_of
 from surfel.booleans.join import joined
 from surfel.booleans.kept import Kept
 from surfel.booleans.leaf import CloudLeaf, Leaf
@@ -19,7 +20,8 @@ from surfel.booleans.sampling import DEFAULT, size_of, surfels_of
 from surfel.booleans.sides import Rule, Sides, as_tree, is_sheet
 from surfel.core.cast import Booleans, Floats, as_choice, as_count, as_positive
 from surfel.core.errors import InputError
-from surfel.inside.classify import SHEETS
+from surfel.core.together import together
+from surfel.inside.decision import SHEETS
 from surfel.inside.judges import NAMES
 from surfel.shapes.base import Shape
 from surfel.shapes.extent import bounded, boxes_of, is_empty
@@ -28,6 +30,7 @@ from surfel.shapes.surfels import Surfels
 from surfel.shapes.tree import Tree, postorder
 
 CUTS = ("clip", "split", "none")
+_HEAVY = 30  # a surfel takes the time of so many of the items that threads are started for
 
 
 def combine(
@@ -100,20 +103,20 @@ def combine(
     if depth is not None and width is not None:
         raise InputError("give either a level or a tolerance, not both")
     work = _Work(root, judge, None if spacing is None else as_positive(spacing, "spacing"), as_count(seed, "seed", 0))
+    work.colour()
     parts = [work.part(k) for k in range(len(root.leaves))]
     how = Cut(cut, depth, width)
-    kept = [assembled(part, work.others(part), work.rule, how) for part in parts]
+    near = [work.others(part) for part in parts]
+    sizes = [_HEAVY * len(part) for part in parts]
+    kept = together(lambda k: assembled(parts[k], near[k], work.rule, how), range(len(parts)), sizes)
     surfels = joined(parts, kept, work.solid())
-    leaky, conflict, warnings, judges = work.findings()
+    found = work.findings()
     compiling = compile_seconds() - compiled
     return Combination(
         surfels,
         tuple(len(k.rows) for k in kept),
         sum(k.cut for k in kept),
-        leaky,
-        conflict,
-        warnings,
-        judges,
+        *found,
         time.perf_counter() - started - compiling,
         compiling,
         work.tracing(parts, kept),
@@ -141,15 +144,23 @@ class _Work:
             self.spacing = spacing or self._usual_spacing()
         self._asked: set[int] = set()
 
+    def colour(self) -> None:
+        """Build the classifiers of the clouds that somebody may ask, side by side."""
+        asked = [leaf for k, leaf in self.leaves.items() if isinstance(leaf, CloudLeaf) and self._meets_another(k)]
+        together(lambda leaf: leaf.classifier, asked, [_HEAVY * len(leaf.cloud) for leaf in asked])
+
     def part(self, k: int) -> Part:
         """Return the surfels of a leaf."""
         leaf = self.tree.leaves[k]
         if not isinstance(leaf, Surfels):
             return self._drawn(k)
         mine = self.leaves.get(k)
-        if isinstance(mine, CloudLeaf) and any(_meet(self.boxes[k], self.boxes[j]) for j in self.leaves if j != k):
+        if isinstance(mine, CloudLeaf) and self._meets_another(k):
             return Part(k, leaf, mine.classifier.operand, exact=False)
         return Part(k, leaf, leaf.operand, exact=False)
+
+    def _meets_another(self, k: int) -> bool:
+        return any(_meet(self.boxes[k], self.boxes[j]) for j in self.leaves if j != k)
 
     def others(self, part: Part) -> dict[int, Leaf]:
         """Return the leaves that the surfels of a part may lie in or touch."""
@@ -199,7 +210,7 @@ class _Work:
         """Tell whether the result is known to bound a solid."""
         if self.sheets:
             return None
-        return True if not self.findings()[0] else None
+        return True if not self.findings().leaky else None
 
     def tracing(self, parts: list[Part], kept: list[Kept]) -> Callable[[], list[Floats]]:
         """Return what finds the curve when it is asked for."""
@@ -217,29 +228,10 @@ class _Work:
 
         return trace
 
-    def findings(self) -> tuple[bool, float, tuple[str, ...], tuple[tuple[str, str] | None, ...]]:
-        """Return whether a cloud leaks, the largest conflict, what to warn of, and the judges."""
-        leaky, conflict = False, 0.0
-        warnings: list[str] = []
-        judges: list[tuple[str, str] | None] = []
-        for k in range(len(self.tree.leaves)):
-            leaf = self.leaves.get(k)
-            if k not in self._asked or not isinstance(leaf, CloudLeaf):
-                judges.append(None)
-                continue
-            space = leaf.classifier
-            judges.append((space.decision.judge, space.decision.reason))
-            conflict = max(conflict, space.conflict)
-            turned = float(space.flipped.mean()) if len(space.flipped) else 0.0
-            if turned > 0.0:
-                warnings.append(f"operand {k}: {turned:.1%} of the normals faced the wrong way and were turned")
-            if space.leaky:
-                leaky = True
-                warnings.append(
-                    f"operand {k} is open: inside and outside hang together through holes, and {space.conflict:.1%} of "
-                    "its surface lies beside them or contradicts them; near its holes the result is a guess"
-                )
-        return leaky, conflict, tuple(warnings), tuple(judges)
+    def findings(self) -> Findings:
+        """Return what was found out about the clouds that were asked."""
+        asked = {k: leaf for k, leaf in self.leaves.items() if k in self._asked and isinstance(leaf, CloudLeaf)}
+        return findings_of(asked, len(self.tree.leaves))
 
 
 def _meet(a: Floats, b: Floats) -> bool:

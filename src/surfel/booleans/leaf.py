@@ -7,7 +7,8 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel.booleans.by_cloud import cut_by_cloud, nearest_to
+from surfel.booleans.beside import Beside, Nearest
+from surfel.booleans.by_cloud import VOID, cut_by_cloud
 from surfel.booleans.model import Model
 from surfel.booleans.part import Part
 from surfel.booleans.sides import FROM_KIND, OPPOSED, SAME
@@ -53,7 +54,7 @@ class CloudLeaf(Leaf):
         self.cloud = cloud
         self.box = cloud.bounds
         self._judge = cloud.judge or judge
-        self._around: dict[int, tuple[Floats, NDArray[np.int32]]] = {}
+        self._around: dict[int, Nearest] = {}
 
     @property
     def classifier(self) -> Classifier:
@@ -62,16 +63,19 @@ class CloudLeaf(Leaf):
 
     def judge(self, part: Part) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
         """Sift by blocks; what lies near the border may be cut."""
-        found = self.classifier.classify(part.operand, reach=float(part.reach.max(initial=0.0)))
+        found, known = self.classifier.classify_beside(part.operand, reach=float(part.reach.max(initial=0.0)))
         sides = FROM_KIND[found.kind]
         rows = np.flatnonzero(found.near)
         operand = self.classifier.operand
         if not len(rows) or not len(operand):
-            return sides, rows
-        squares, near = nearest_to(operand, operand.local(part.points[rows]))
-        apart = ~self._find_same_places(part, rows, sides, squares[:, 0], near[:, 0])
-        self._around[part.leaf] = squares[apart], near[apart]
-        return sides, rows[apart]
+            return sides, rows[:0]
+        places = operand.local(part.points.take(rows, axis=0))
+        beside = Beside.of(operand, places, np.searchsorted(rows, found.judged), known)
+        square, there = beside.nearest()
+        cut = np.sqrt(square) <= part.reach[rows] + VOID * operand.spacings[there]
+        cut &= ~self._find_same_places(part, rows, sides, square, there)
+        self._around[part.leaf] = beside.around(cut)
+        return sides, rows[cut]
 
     def _find_same_places(
         self, part: Part, rows: NDArray[np.int64], sides: NDArray[np.uint8], square: Floats, there: NDArray[np.int32]

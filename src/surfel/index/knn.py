@@ -17,18 +17,25 @@ from numpy.typing import NDArray
 from surfel._numba import inlined, inner, rows, threads_for
 from surfel.core.cast import Floats
 from surfel.index.blocks import BLOCK, WIDTH, Blocks, collect, gather_group
-from surfel.index.nearest import STACK, insert, nearest
+from surfel.index.candidates import (
+    ATTEMPTS,
+    CHUNK,
+    COARSE,
+    GROUP,
+    GROW,
+    ONE,
+    ROOM,
+    SHRINK,
+    SIDE,
+    load,
+    mask_for,
+    may_be_as_near,
+)
+from surfel.index.knn_one import search_one
+from surfel.index.nearest import STACK, insert, nearest_of
 from surfel.index.simd import LANES, RUN, bits_of, float_of, sort_keys, within
 
-_CHUNK = 1024  # places that learn their radius from each other; the same on any number of threads
-_GROUP = 16  # places that share a walk
-_ATTEMPTS = 12
-_SIDE = 3.0  # the box of a group is at most this many radii long: coordinates that matter stay below 2.5 radii
 _SLACK = 1.06
-_GROW, _SHRINK = 1.3, 0.6
-_ROUNDING = 2.5 * 2.0**-18  # how far two squares may be off for radius 1: this times the distance (see _certain)
-_COARSE = 2.0**-20  # k-th squared distances below this, for radius 1, are left to the search one by one
-_ONE = np.int32(0x3F800000)  # the bits of the float32 1
 _MOST_SLOTS = 2**16
 
 
@@ -40,58 +47,61 @@ def search_nearest(
     With ``own`` the places are the indexed points: results stand in the order of ``order``, and no point is its own
     neighbour. Otherwise ``order`` is only the order of the search, and result i belongs to ``places[i]``.
     """
+    if squares.shape[1] == 1:
+        search_one(blocks, places, order, own, squares, neighbours)
+        return
     with threads_for(30 * len(order)):  # a search is heavier than the items that the threshold is meant for
-        _search_chunks(-(-len(order) // _CHUNK), *blocks, places, order, own, squares, neighbours)
+        _search_chunks(-(-len(order) // CHUNK), *blocks, places, order, own, squares, neighbours)
 
 
 @rows
 def _search_chunks(first, last, points, nodes, levels, places, order, own, squares, neighbours):
     m, k = squares.shape
     need = k + 1 if own else k  # a point finds itself, too
-    room = 96 + need  # blocks of candidates: more mean that the radius is far too large
+    room = ROOM + need  # blocks of candidates: more mean that the radius is far too large
     slots = (room + WIDTH) * BLOCK + RUN
     stack, bounds = np.empty(STACK, np.int64), np.empty(STACK)
     found, spare = np.empty(room + WIDTH, np.int32), np.empty(room + WIDTH, np.int32)
     xs, ys, zs = np.empty(slots, np.float32), np.empty(slots, np.float32), np.empty(slots, np.float32)
     keys, spare_keys, ordered = np.empty(slots, np.int32), np.empty(slots, np.int32), np.empty(slots, np.int32)
     exact, near = np.empty(slots), np.empty(slots, np.int32)
-    for i in range(first * _CHUNK, min(last * _CHUNK, m)):
-        if i % _CHUNK == 0:
+    for i in range(first * CHUNK, min(last * CHUNK, m)):
+        if i % CHUNK == 0:
             reach = -1.0  # nothing learnt yet
             done = i
         if i < done:
             continue
         if not reach > 0.0:  # or a crowd of equal points
-            square = _search_alone(points, nodes, levels, places, order, own, i, squares, neighbours, stack, bounds)
+            square = nearest_of(points, nodes, levels, places, order, own, i, squares, neighbours, stack, bounds)
             reach = math.sqrt(square) if slots <= _MOST_SLOTS else 0.0
             if not reach > 0.0:
                 continue
-        stop = min(m, i + _GROUP - i % _GROUP)
-        count, lx, ly, lz, hx, hy, hz = gather_group(places, order, i, stop, _SIDE * reach)
+        stop = min(m, i + GROUP - i % GROUP)
+        count, lx, ly, lz, hx, hy, hz = gather_group(places, order, i, stop, SIDE * reach)
         done = i + count
         mx, my, mz = 0.5 * (lx + hx), 0.5 * (ly + hy), 0.5 * (lz + hz)
         todo = (1 << count) - 1
         alone = 0
         largest = 0.0
         radius = reach * _SLACK
-        for _ in range(_ATTEMPTS):
+        for _ in range(ATTEMPTS):
             collected = collect(nodes, levels, lx, ly, lz, hx, hy, hz, radius * radius, found, spare)
             if collected < 0:
-                radius *= _SHRINK
+                radius *= SHRINK
                 continue
             scale = 1.0 / radius
-            _load(points, found, collected, mx, my, mz, scale, xs, ys, zs)
-            mask = _mask_for(collected * BLOCK)
+            load(points, found, collected, mx, my, mz, scale, xs, ys, zs)
+            mask = mask_for(collected * BLOCK)
             for j in range(count):
                 if (todo >> j) & 1 == 0:
                     continue
                 row = order[i + j]
                 px, py, pz = places[row, 0], places[row, 1], places[row, 2]
                 x, y, z = np.float32((px - mx) * scale), np.float32((py - my) * scale), np.float32((pz - mz) * scale)
-                kept = within(xs, ys, zs, collected * BLOCK, x, y, z, _ONE, mask, keys)
+                kept = within(xs, ys, zs, collected * BLOCK, x, y, z, ONE, mask, keys)
                 if kept < need:
                     continue
-                limit = _ONE
+                limit = ONE
                 if kept > 2 * need + LANES:
                     limit, kept = _tighten(keys, kept, need)
                 sort_keys(keys, kept, spare_keys, ordered)
@@ -109,59 +119,29 @@ def _search_chunks(first, last, points, nodes, levels, places, order, own, squar
                 largest = max(largest, squares[target, k - 1])
             if todo == 0:
                 break
-            radius *= _GROW
+            radius *= GROW
         alone |= todo
         for j in range(count if alone else 0):
             if (alone >> j) & 1:
-                square = _search_alone(
+                square = nearest_of(
                     points, nodes, levels, places, order, own, i + j, squares, neighbours, stack, bounds
                 )
                 largest = max(largest, square)
         reach = math.sqrt(largest)
 
 
-@inner
-def _search_alone(points, nodes, levels, places, order, own, i, squares, neighbours, stack, bounds):
-    row = order[i]
-    x, y, z = places[row, 0], places[row, 1], places[row, 2]
-    target, skip = (i, row) if own else (row, -1)
-    return nearest(points, nodes, levels, x, y, z, skip, squares[target], neighbours[target], stack, bounds)
-
-
-@inlined
-def _load(points, found, collected, mx, my, mz, scale, xs, ys, zs):
-    """Write the candidates' coordinates, relative to the middle and in radii, in float32."""
-    for k in range(collected):
-        block = np.uint64(found[k]) * np.uint64(48)
-        for lane in range(BLOCK):
-            here = block + np.uint64(3 * lane)
-            xs[k * BLOCK + lane] = np.float32((points[here] - mx) * scale)
-            ys[k * BLOCK + lane] = np.float32((points[here + np.uint64(1)] - my) * scale)
-            zs[k * BLOCK + lane] = np.float32((points[here + np.uint64(2)] - mz) * scale)
-
-
-@inlined
-def _mask_for(slots):
-    mask = 255
-    while mask < slots - 1:
-        mask = 2 * mask + 1
-    return np.int32(mask)
-
-
 @inlined
 def _certain(ordered, kept, need, mask, limit):
     """Return how many of the sorted candidates may be among the nearest.
 
-    0 where the radius is too short to say, and -1 where float32 is too coarse. With coordinates below M = 2.5 radii a
-    difference is off by 2 M 2^-25, so the square of a distance d by 4 sqrt(3) M 2^-25 d and a few 2^-24 d^2, and a
-    comparison of two by twice that: 2^-20.2 M d in all. The bound taken leaves a factor of 4.
+    0 where the radius is too short to say, and -1 where float32 is too coarse.
     """
     last = np.float64(float_of(ordered[need - 1] | mask))
-    if last < _COARSE:
+    if last < COARSE:
         return -1
-    bound = bits_of(np.float32(last + _ROUNDING * math.sqrt(last))) | mask
+    bound = bits_of(may_be_as_near(last)) | mask
     if bound > limit:
-        return 0 if limit == _ONE else -1
+        return 0 if limit == ONE else -1
     count = need
     while count < kept and ordered[count] <= bound:
         count += 1
@@ -198,7 +178,7 @@ def _finish(points, found, ordered, count, mask, x, y, z, own, exact, near, squa
 @inner
 def _tighten(keys, kept, need):
     """Keep only what may be among the nearest; on a surface the count grows like the squared radius."""
-    limit = _ONE
+    limit = ONE
     trial = np.float32(1.0)
     while kept > 2 * need + LANES:
         trial = trial * np.float32(1.3) * np.float32(need) / np.float32(kept)

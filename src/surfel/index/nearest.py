@@ -47,6 +47,15 @@ def nearest(points, nodes, levels, x, y, z, own, squares, rows, stack, bounds):
     return squares[last]
 
 
+@inner
+def nearest_of(points, nodes, levels, places, order, own, i, squares, neighbours, stack, bounds):
+    """Search for place ``order[i]`` and write its row of a result as :func:`surfel.index.knn.search_nearest` does."""
+    row = order[i]
+    x, y, z = places[row, 0], places[row, 1], places[row, 2]
+    target, skip = (i, row) if own else (row, -1)
+    return nearest(points, nodes, levels, x, y, z, skip, squares[target], neighbours[target], stack, bounds)
+
+
 @inlined
 def _gap(nodes, here, x, y, z):
     """Return the squared distance from a place to the box of one child."""

@@ -3,40 +3,27 @@
 from __future__ import annotations
 
 import threading
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from surfel.core.affine import as_affine
 from surfel.core.cast import Booleans, Floats, as_choice, as_number, as_points, as_rows
 from surfel.core.errors import InputError
-from surfel.index.hilbert import hilbert_order
-from surfel.inside import sheets
-from surfel.inside.border import disk_radii
 from surfel.inside.classes import Classes
-from surfel.inside.coincidence import DISTANCE, on_sheets, on_surface
 from surfel.inside.colour import Coloured, colour_space
-from surfel.inside.judges import NAMES, choose, named
+from surfel.inside.decision import SHEETS, Decision
+from surfel.inside.judges import NAMES
+from surfel.inside.moved import moved, rigid
+from surfel.inside.near_surface import judged, on_which
 from surfel.inside.operand import Operand
 from surfel.inside.recolour import recolour
+from surfel.inside.sheets import OverSheets
 from surfel.inside.sift import UNDECIDED, sift_each, sift_sorted
 from surfel.inside.slabs import Slabs
+from surfel.inside.space import border_radii
+from surfel.inside.widened import widened
 
 _MARGIN = 0.25  # spacings that slabs keep from the surfels; more than makes a place be on the surface
-_RIGID = 1e-6  # how far a rotation may be from orthonormal
-_BY_NEIGHBOURS = ("nearest", "two-nearest", "two-cluster", "imls")  # judges that would look for far places to skip
-_BY_SHEETS = ("nearest", "two-nearest", "two-cluster")  # in their place, near the surface, sheets do better
-
-SHEETS = "sheets"
-"""The judge by curved sheets (:mod:`surfel.inside.sheets`), which ``auto`` takes where normals can be trusted."""
-
-
-class Decision(NamedTuple):
-    """Which judge tells places near the surface apart, and why that one."""
-
-    judge: str
-    reason: str
 
 
 class Classifier:
@@ -94,11 +81,11 @@ class Classifier:
         """Adopt a coloured space and build the slabs."""
         self._coloured = coloured
         self._slabs = Slabs.none()
+        self._widened: NDArray[np.uint64] | None = None
         self.recoloured = 0 if coloured is None else int((coloured.grid.table >= 0).sum())
         self.operand = operand if coloured is None else coloured.operand
         self.flipped: Booleans = np.zeros(0, bool) if coloured is None else coloured.flipped
         self.conflict = 0.0 if coloured is None else coloured.conflict
-        self._widest = float(self.operand.spacings.max(initial=0.0))
         self.leaky = False if coloured is None else coloured.leaky
         if coloured is not None and self._slabbed:
             here = coloured.operand
@@ -108,7 +95,7 @@ class Classifier:
 
     def _radii(self) -> Floats:
         assert self._coloured is not None
-        return disk_radii(self.operand.spacings, self.operand.areas, self._coloured.grid.step)
+        return border_radii(self.operand, self._coloured.grid.step)
 
     def _margin(self) -> float:
         return _MARGIN * self.operand.spacing
@@ -118,8 +105,7 @@ class Classifier:
         """Which judge tells places near the surface apart, and why."""
         with self._lock:
             if self._decision is None:
-                chosen = choose(self.operand)
-                self._decision = Decision(SHEETS if chosen.name in _BY_SHEETS else chosen.name, chosen.reason)
+                self._decision = Decision.of(self.operand)
             return self._decision
 
     def classify(
@@ -148,6 +134,16 @@ class Classifier:
         InputError
             If a shape does not fit, a number is not finite, the pose is not rigid, or the reach is negative.
         """
+        return self.classify_beside(queries, normals, pose, reach)[0]
+
+    def classify_beside(
+        self,
+        queries: ArrayLike | Operand,
+        normals: ArrayLike | None = None,
+        pose: ArrayLike | None = None,
+        reach: float = 0.0,
+    ) -> tuple[Classes, OverSheets | None]:
+        """Do what :meth:`classify` does, and hand on the surfels nearest to the judged places, where sheets did it."""
         other = queries if isinstance(queries, Operand) else None
         places = other.points if other is not None else as_points(queries, "queries")  # type: ignore[arg-type]
         upright = _normals_of(other, normals, len(places))
@@ -156,20 +152,21 @@ class Classifier:
         if far < 0.0:
             raise InputError(f"reach must not be negative; got {far:g}")
         if self._coloured is None or not len(places):
-            return Classes.outside(len(places))
+            return Classes.outside(len(places)), None
         motion = matrix[:3].copy()
         if other is not None:
             motion[:, 3] += matrix[:3, :3] @ other.origin
         motion[:, 3] -= self.operand.origin
         kind, near = self._sift(other, places, motion, far)
-        judged = np.flatnonzero(kind == UNDECIDED)
-        there = places[judged] @ motion[:, :3].T + motion[:, 3]
-        value, found = self._judge(there, in_order=other is not None)
-        kind[judged] = value < 0.0
-        if upright is not None and len(judged):
-            on, close = self._on_surface(there, upright[judged] @ motion[:, :3].T, value, found)
-            kind[judged[close]] = np.where(on > 0, on, kind[judged[close]])
-        return Classes(kind, near, judged, value)
+        rows = np.flatnonzero(kind == UNDECIDED)
+        there = moved(places, rows, motion, 1.0)
+        value, found = judged(self._coloured, self.decision.judge, there, in_order=other is not None)
+        kind[rows] = value < 0.0
+        if upright is not None and len(rows):
+            turned = moved(upright, rows, motion, 0.0)
+            on, close = on_which(self._coloured, self.decision, there, turned, value, found)
+            kind[rows[close]] = np.where(on > 0, on, kind[rows[close]])
+        return Classes(kind, near, rows, value), found
 
     def edited(self, rows: ArrayLike, points: ArrayLike, normals: ArrayLike) -> Classifier:
         """Return a classifier of the cloud with some surfels moved or turned; their neighbourhood is coloured anew.
@@ -225,46 +222,20 @@ class Classifier:
     ) -> tuple[NDArray[np.int8], Booleans]:
         assert self._coloured is not None
         grid, owners = self._coloured.grid, self._coloured.owners
-        slabs = self._slabs if self._has_distances() else self._slabs.without_planes()  # in noise they say too much
+        slabs = (
+            self._slabs if self.decision.has_distances else self._slabs.without_planes()
+        )  # in noise they say too much
         if other is None:
             return sift_each(grid, owners, slabs, places, motion, reach)
-        return sift_sorted(grid, owners, slabs, other.spheres, places, motion, reach)
+        return sift_sorted(grid, self._wide(), owners, slabs, other.spheres, places, motion, reach)
 
-    def _has_distances(self) -> bool:
-        """Tell whether the judge's values are distances: not those of judges for noise."""
-        return self.decision.judge in (SHEETS, *_BY_NEIGHBOURS)
-
-    def _judge(self, places: Floats, *, in_order: bool) -> tuple[Floats, sheets.OverSheets | None]:
-        """Judge local places near the surface; those in a hole, where no surfel is, by the winding number."""
-        if not len(places):
-            return np.empty(0), None
-        name, found = self.decision.judge, None
-        if name == SHEETS:
-            found = sheets.over_sheets(self.operand, places, None if in_order else hilbert_order(places))
-            value = found.value
-        else:
-            skipping = {"skip": False} if name in _BY_NEIGHBOURS else {}
-            value = named(name)(self.operand, places + self.operand.origin, **skipping).value
+    def _wide(self) -> NDArray[np.uint64]:
+        """Return the widened border, made for the first cloud that is asked about."""
         assert self._coloured is not None
-        if self._coloured.doubt is not None:
-            from surfel.inside.leaks import in_doubt
-
-            open_ = in_doubt(self._coloured.grid, self._coloured.doubt, places)
-            value[open_] = named("winding")(self.operand, places[open_] + self.operand.origin).value
-        return value, found
-
-    def _on_surface(
-        self, places: Floats, normals: Floats, value: Floats, found: sheets.OverSheets | None
-    ) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
-        """Return which of those local places that may be on the surface are, and which may be."""
-        if found is not None:
-            close = np.flatnonzero(np.abs(value) < 2.0 * DISTANCE * self.operand.spacings[found.near[:, 0]])
-            near = found.squares[close], found.near[close]
-            return on_sheets(self.operand, places[close], normals[close], *near), close
-        close = np.arange(len(places))
-        if self._has_distances():
-            close = np.flatnonzero(np.abs(value) < DISTANCE * self._widest)
-        return on_surface(self.operand, places[close] + self.operand.origin, normals[close]), close
+        with self._lock:
+            if self._widened is None:
+                self._widened = widened(self._coloured.grid)
+            return self._widened
 
     def __getstate__(self) -> dict[str, object]:
         return {name: value for name, value in self.__dict__.items() if name != "_lock"}
@@ -280,16 +251,3 @@ def _normals_of(other: Operand | None, normals: ArrayLike | None, count: int) ->
             raise InputError("normals must be left out where an operand is classified; it has its own")
         return other.normals
     return None if normals is None else as_rows(normals, "normals", count)
-
-
-def rigid(pose: ArrayLike | None) -> Floats:
-    """Return a rigid motion as a 4 x 4 matrix, none as the identity, or say what is wrong with it."""
-    if pose is None:
-        return np.eye(4)
-    matrix = as_affine(pose)
-    turn = matrix[:3, :3]
-    if float(np.abs(turn @ turn.T - np.eye(3)).max()) > _RIGID:
-        raise InputError(
-            "pose must be a rigid motion: its 3 x 3 part a rotation; build a classifier for a scaled cloud"
-        )
-    return matrix

@@ -46,25 +46,28 @@ def on_surface(operand: Operand, places: Floats, normals: Floats) -> NDArray[np.
     k = min(NEIGHBOURS, len(operand))
     if not len(places) or not k:
         return np.zeros(len(places), np.int8)
-    return on_sheets(operand, operand.local(places), normals, *operand.index.knn_of(places, k))
+    near = operand.index.knn_of(places, k)
+    return on_sheets(operand, operand.local(places), normals, *near, np.arange(len(places)))
 
 
 def on_sheets(
-    operand: Operand, places: Floats, normals: Floats, squares: Floats, near: NDArray[np.int32]
-) -> NDArray[np.int8]:
-    """Do the same for local places of which the nearest surfels are known."""
-    on = np.zeros(len(places), np.int8)
-    with threads_for(16 * len(places)):
+    operand: Operand, places: Floats, normals: Floats, squares: Floats, near: NDArray[np.int32],
+    chosen: NDArray[np.int64],
+) -> NDArray[np.int8]:  # fmt: skip
+    """Do the same for some of the local places of which the nearest surfels are known: for the rows ``chosen``."""
+    on = np.zeros(len(chosen), np.int8)
+    with threads_for(16 * len(chosen)):
         _compare(
-            len(places), places, normals, operand.points, operand.normals, operand.spacings, squares, near, on
+            len(chosen), chosen, places, normals, operand.points, operand.normals, operand.spacings, squares, near, on
         )  # fmt: skip
     return on
 
 
 @rows
-def _compare(first, last, places, upright, points, normals, spacings, squares, near, on):
+def _compare(first, last, chosen, places, upright, points, normals, spacings, squares, near, on):
     k = near.shape[1]
-    for row in range(first, last):
+    for item in range(first, last):
+        row = chosen[item]
         nx, ny, nz = upright[row, 0], upright[row, 1], upright[row, 2]
         spacing = spacings[near[row, 0]]
         inverse = 1.0 / (0.35 * squares[row, k - 1]) if squares[row, k - 1] > 0.0 else 0.0
@@ -92,9 +95,9 @@ def _compare(first, last, places, upright, points, normals, spacings, squares, n
             aligned = cosine > ALIGNED
             if aligned and math.sqrt(closest) > _SAME_PLACE * spacing:
                 aligned = lies_along(normals, near[row], gx / length, gy / length, gz / length, cosine)
-            if aligned and (abs(height) < least * total or (on[row] == 0 and abs(height) == 0.0)):
+            if aligned and (abs(height) < least * total or (on[item] == 0 and abs(height) == 0.0)):
                 least = abs(height) / total
-                on[row] = kind
+                on[item] = kind
 
 
 @inner

@@ -15,8 +15,9 @@ from surfel.inside.grid import ALL_IN, ALL_OUT, BORDER, IN, Frame, Grid
 from surfel.inside.leaks import Films, close_leaks, hinted, part_something, share_at_rims
 from surfel.inside.operand import Operand
 from surfel.inside.owners import Owners, own_cells
+from surfel.inside.sight import look
 from surfel.inside.space import Space, space_round
-from surfel.inside.votes import FEW, Ballot, count_votes, first_voters, flipped_beside, look
+from surfel.inside.votes import FEW, Ballot, count_votes, first_voters, flipped_beside
 
 _FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
 _NONE = np.uint64(0)

@@ -21,7 +21,7 @@ STRAY = 4.0
 """A point farther than so many of its lengths from a neighbour, and off its plane, is a stranger to it."""
 
 OFF_PLANE = 0.35
-"""Sine of the angle over the plane of a neighbour from which on a point is off it."""
+"""Sine of the angle over the plane of a neighbour, or of that over its own, from which on the two are strangers."""
 
 KNOWN_TO = 2
 """A point that is a stranger to all but so many of its neighbours is a stray; some of these may be strays as well."""
@@ -75,11 +75,12 @@ def _take_over(first, last, points, known, stride, apart, values, trusted):
 
 def mark_strays(
     chosen: NDArray[np.integer[Any]], squares: Floats, near: NDArray[np.int32], points: Floats, normals: Floats,
-    lengths: Floats, strays: Booleans,
+    lengths: Floats, longest: float, strays: Booleans,
 ) -> None:  # fmt: skip
     """Mark those of some points that are strangers to their neighbours.
 
-    A point of a sparse part lies far from those of a dense one, but in their planes.
+    A point of a sparse part lies far from others, but in their planes, and they in its own. Strays lie far from each
+    other too, and have large lengths for it; but hardly ever in each other's planes.
 
     Parameters
     ----------
@@ -89,22 +90,30 @@ def mark_strays(
         The squared distances and the rows of their neighbours.
     points, normals, lengths : Floats, shape (n, 3), (n, 3) and (n,)
         Of all points.
+    longest : float
+        A length above this says nothing about who is near.
     strays : Booleans, shape (n,)
-        Where to write.
+        Where to write. Neighbours that are strays already know nobody.
     """
-    _mark_strays(np.ascontiguousarray(chosen, np.int64), squares, near, points, normals, lengths, strays)
+    _mark_strays(
+        np.ascontiguousarray(chosen, np.int64), squares, near, points, normals, lengths, longest, strays.copy(), strays
+    )
 
 
 @kernel
-def _mark_strays(chosen, squares, near, points, normals, lengths, strays):
+def _mark_strays(chosen, squares, near, points, normals, lengths, longest, before, strays):
     for row in range(len(chosen)):
         i, known = chosen[row], 0
         for a in range(near.shape[1]):
             j = near[row, a]
-            length = STRAY * lengths[j]
-            off = 0.0
+            if before[j]:
+                continue
+            length = STRAY * lengths[j] if lengths[j] <= longest else 0.0
+            here = there = 0.0
             for axis in range(3):
-                off += normals[j, axis] * (points[i, axis] - points[j, axis])
+                step = points[i, axis] - points[j, axis]
+                here, there = here + normals[i, axis] * step, there + normals[j, axis] * step
+            off = max(abs(here), abs(there))
             if squares[row, a] <= length * length or off * off <= OFF_PLANE * OFF_PLANE * squares[row, a]:
                 known += 1
                 if known > KNOWN_TO:

@@ -12,11 +12,12 @@ from surfel.inside.films import find_film
 from surfel.inside.grid import BORDER, IN, OUT, Frame, Grid
 from surfel.inside.operand import Operand
 from surfel.inside.rims import Cells, find_rims, grown
+from surfel.inside.sight import Sight, cells_seen
 from surfel.inside.space import Space, bits_at, component_of, set_bits, with_border
-from surfel.inside.votes import SLIGHT, Sight, capped_areas, cells_seen
+from surfel.inside.votes import SLIGHT, capped_areas
 
 RIM = 3
-"""Votes for cells within so many steps of a film are taken for doubtful: beside a hole."""
+"""Votes are doubtful that are cast into a film; where none is, those nearest to one, within so many steps."""
 
 
 class Films(NamedTuple):
@@ -88,16 +89,20 @@ def hinted(space: Space, films: Films, colours: NDArray[np.int8]) -> NDArray[np.
 
 
 def share_at_rims(space: Space, films: Films, sight: Sight, operand: Operand) -> float:
-    """Return the share of the votes, before there were films, that are cast within :data:`RIM` cells of one."""
+    """Return the share of the votes, before there were films, that are cast into one, or right beside it."""
     table, words = space.bricks.table, films.doubt
     everything = np.full_like(words, np.iinfo(np.uint64).max)
-    for _ in range(RIM):
-        words = grown(table, everything, words)
     areas = operand.areas[sight.chosen][:, None]
     valid = sight.guarded >= 0
-    beside = bits_at(sight.cells.reshape(-1, 3), table, words).reshape(-1, 2)
+    cells = sight.cells.reshape(-1, 3)
+    beside = valid & bits_at(cells, table, words).reshape(-1, 2)
+    for _ in range(RIM):
+        if beside.any():
+            break
+        words = grown(table, everything, words)
+        beside = valid & bits_at(cells, table, words).reshape(-1, 2)
     total = float((areas * valid).sum())
-    return float((areas * (valid & beside)).sum()) / total if total > 0.0 else 0.0
+    return float((areas * beside).sum()) / total if total > 0.0 else 0.0
 
 
 def in_doubt(grid: Grid, doubt: NDArray[np.uint64], places: Floats) -> Booleans:

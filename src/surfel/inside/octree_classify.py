@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from surfel._numba import inner, kernel, rows, threads_for
 from surfel.core.cast import Booleans, Floats, as_choice
-from surfel.inside.classify import rigid
 from surfel.inside.grid import BORDER, IN, OUT
 from surfel.inside.judges import named
+from surfel.inside.moved import rigid
 from surfel.inside.octree import Octree, build_octree
 from surfel.inside.octree_colour import UNKNOWN, colour_by_flood, colour_per_level, leaf_at
 from surfel.inside.operand import Operand

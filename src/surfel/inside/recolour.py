@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel.core.cast import Floats
-from surfel.inside.border import disk_radii, mark_border, touched_bricks
+from surfel.inside.border import mark_border, touched_bricks
 from surfel.inside.colour import Coloured, clearance
 from surfel.inside.components import Components, connect
 from surfel.inside.grid import ALL_IN, ALL_OUT, IN, MOST_BRICKS, OUT, SIDE, Frame, Grid
 from surfel.inside.operand import Operand
 from surfel.inside.owners import Owners, cells_of, mean_normals, number_cells
+from surfel.inside.space import border_radii
 
 _FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
 
@@ -47,7 +48,7 @@ def recolour(coloured: Coloured, operand: Operand, edited: NDArray[np.int64]) ->
     if coloured.leaky or grid is None:
         return None
     frame = Frame(grid.low, grid.step, grid.table.shape)
-    radii = disk_radii(operand.spacings, operand.areas, grid.step)
+    radii = border_radii(operand, grid.step)
     region = np.zeros(frame.bricks, bool)
     for cloud in (before, operand):
         region |= touched_bricks(frame, cloud.points[edited], cloud.normals[edited], radii[edited]).astype(bool)

@@ -11,6 +11,7 @@ from surfel.inside.grid import BORDER, IN, OUT, Grid, colour_of_ball
 from surfel.inside.owners import Owners, owner_of
 from surfel.inside.slabs import SAFE, Slabs, guard
 from surfel.inside.spheres import BLOCK, WIDTH, Spheres
+from surfel.inside.widened import REACH
 
 UNDECIDED = -1
 """The kind of places that only a judge can tell."""
@@ -18,13 +19,17 @@ UNDECIDED = -1
 _TOP = 2  # spheres of this level (or the highest) are the items that threads share
 _STACK = 64
 _RUN = 256  # places that are settled together
+_SMALL = REACH - 1e-6  # radius, in cells, of balls that the widened border is asked about
 _ENOUGH = 3  # slabs that have to agree about a cell that holds no surfel
 
 
 def sift_sorted(
-    grid: Grid, owners: Owners, slabs: Slabs, spheres: Spheres, points: Floats, motion: Floats, reach: float
-) -> tuple[NDArray[np.int8], Booleans]:
+    grid: Grid, wide: NDArray[np.uint64], owners: Owners, slabs: Slabs, spheres: Spheres, points: Floats,
+    motion: Floats, reach: float,
+) -> tuple[NDArray[np.int8], Booleans]:  # fmt: skip
     """Sift points that are sorted along a curve, given their spheres, under a rigid motion (3, 4).
+
+    ``wide`` is the border of the grid, widened.
 
     Returns
     -------
@@ -38,8 +43,9 @@ def sift_sorted(
     count = int(spheres.levels[top + 1] - spheres.levels[top])
     with threads_for(len(points)):
         _sift_spheres(
-            count, np.int64(top), *spheres, points, motion, reach, *grid, owners.base, owners.owned, *slabs, kind, near
-        )
+            count, np.int64(top), *spheres, points, motion, reach, *grid, wide, owners.base, owners.owned, *slabs, kind,
+            near,
+        )  # fmt: skip
     return kind, near
 
 
@@ -48,19 +54,24 @@ def sift_each(
 ) -> tuple[NDArray[np.int8], Booleans]:
     """Sift points in any order, one by one."""
     kind, near = np.zeros(len(points), np.int8), np.zeros(len(points), bool)  # OUT, which is not written
+    nothing = np.empty((0, 8), np.uint64)
     with threads_for(len(points)):
-        _sift_points(len(points), points, motion, reach, *grid, owners.base, owners.owned, *slabs, kind, near)
+        _sift_points(len(points), points, motion, reach, *grid, nothing, owners.base, owners.owned, *slabs, kind, near)
     return kind, near
 
 
 @rows
 def _sift_spheres(
-    first, last, top, levels, centres, radii, points, motion, reach, low, step, table, border, inside, gap, base, owned,
-    slabs, safe, doubt, kind, near,
+    first, last, top, levels, centres, radii, points, motion, reach, low, step, table, border, inside, gap, wide, base,
+    owned, slabs, safe, doubt, kind, near,
 ):  # fmt: skip
     n = len(points)
     stack, todo = np.empty(_STACK, np.int64), np.empty(BLOCK << (3 * _TOP), np.int64)
     left, cells, bricks = np.empty_like(todo), np.empty_like(todo), np.empty_like(todo)
+    inverse = 1.0 / step
+    nx, ny, nz = 8.0 * table.shape[0], 8.0 * table.shape[1], 8.0 * table.shape[2]
+    lx, ly, lz = low[0], low[1], low[2]
+    one = np.uint64(1)
     for item in range(first, last):
         stack[0], height, count = (top << 40) | item, 1, 0
         while height > 0:
@@ -68,7 +79,19 @@ def _sift_spheres(
             level, node = stack[height] >> 40, stack[height] & 0xFFFFFFFFFF
             here = levels[level] + node
             x, y, z = _moved(motion, centres[here, 0], centres[here, 1], centres[here, 2])
-            colour = colour_of_ball(low, step, table, border, inside, gap, x, y, z, radii[here] + reach)
+            colour = UNDECIDED
+            a, b, c = (x - lx) * inverse, (y - ly) * inverse, (z - lz) * inverse
+            if a >= 0.0 and b >= 0.0 and c >= 0.0 and a < nx and b < ny and c < nz:
+                u, v, w = int(a), int(b), int(c)
+                brick = table[u >> 3, v >> 3, w >> 3]
+                if brick >= 0:
+                    bit = one << np.uint64(8 * (v & 7) + (w & 7))
+                    if wide[brick, u & 7] & bit:
+                        colour = BORDER
+                    elif (radii[here] + reach) * inverse < _SMALL:
+                        colour = IN if inside[brick, u & 7] & bit else OUT
+            if colour == UNDECIDED:
+                colour = colour_of_ball(low, step, table, border, inside, gap, x, y, z, radii[here] + reach)
             if colour == IN:
                 size = BLOCK << (3 * level)
                 for i in range(node * size, min(n, (node + 1) * size)):
@@ -82,14 +105,14 @@ def _sift_spheres(
                     todo[count] = i
                     count += 1
         _settle(
-            todo, count, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, safe, doubt,
-            kind, near, left, cells, bricks,
+            todo, count, points, motion, reach, low, step, table, border, inside, gap, wide, base, owned, slabs, safe,
+            doubt, kind, near, left, cells, bricks,
         )  # fmt: skip
 
 
 @rows
 def _sift_points(
-    first, last, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, safe, doubt,
+    first, last, points, motion, reach, low, step, table, border, inside, gap, wide, base, owned, slabs, safe, doubt,
     kind, near,
 ):  # fmt: skip
     todo = np.empty(_RUN, np.int64)
@@ -99,8 +122,8 @@ def _sift_points(
         for m in range(count):
             todo[m] = start + m
         _settle(
-            todo, count, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, safe, doubt,
-            kind, near, left, cells, bricks,
+            todo, count, points, motion, reach, low, step, table, border, inside, gap, wide, base, owned, slabs, safe,
+            doubt, kind, near, left, cells, bricks,
         )  # fmt: skip
 
 
@@ -119,7 +142,7 @@ def _moved(motion, x, y, z):
 
 @inner
 def _settle(
-    todo, many, points, motion, reach, low, step, table, border, inside, gap, base, owned, slabs, safe, doubt,
+    todo, many, points, motion, reach, low, step, table, border, inside, gap, wide, base, owned, slabs, safe, doubt,
     kind, near, left, cells, bricks,
 ):  # fmt: skip
     """Write the kind of the first ``many`` places of ``todo``, and which are near: by their cells, or by slabs.
@@ -198,8 +221,16 @@ def _settle(
                 elif below == 0 and above >= _ENOUGH:
                     colour = OUT
         kind[i] = colour
+    small = len(wide) > 0 and reach * inverse < _SMALL
     for m in range(many if reach > 0.0 else 0):
         i = todo[m]
-        if not near[i]:
-            x, y, z = _moved(motion, points[i, 0], points[i, 1], points[i, 2])
-            near[i] = colour_of_ball(low, step, table, border, inside, gap, x, y, z, reach) == BORDER
+        if near[i]:
+            continue
+        x, y, z = _moved(motion, points[i, 0], points[i, 1], points[i, 2])
+        a, b, c = (x - lx) * inverse, (y - ly) * inverse, (z - lz) * inverse
+        if small and a >= 0.0 and b >= 0.0 and c >= 0.0 and a < nx and b < ny and c < nz:
+            u, v, w = int(a), int(b), int(c)
+            brick = table[u >> 3, v >> 3, w >> 3]
+            if brick >= 0 and (wide[brick, u & 7] >> np.uint64(8 * (v & 7) + (w & 7))) & one == np.uint64(0):
+                continue
+        near[i] = colour_of_ball(low, step, table, border, inside, gap, x, y, z, reach) == BORDER

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel._numba import kernel
+from surfel.core.cast import Floats
 from surfel.inside.border import Bricks, disk_radii, mark_border
 from surfel.inside.components import Components, connect
 from surfel.inside.grid import Frame, bit_of, frame_for
@@ -27,10 +28,16 @@ class Space(NamedTuple):
 def space_round(operand: Operand) -> Space:
     """Mark the border of a cloud of at least one surfel, and connect what is free."""
     frame = frame_for(operand.bounds, operand.spacings)
-    radii = disk_radii(operand.spacings, operand.areas, frame.step)
-    bricks = mark_border(frame, operand.points, operand.normals, radii)
+    bricks = mark_border(frame, operand.points, operand.normals, border_radii(operand, frame.step))
     parts = connect(bricks.table, bricks.border)
     return Space(frame, bricks, parts, own_cells(frame, bricks, operand.points, operand.normals))
+
+
+def border_radii(operand: Operand, step: float) -> Floats:
+    """Return the radii of the disks that make the border; strays have none beyond their own cells."""
+    radii = disk_radii(operand.spacings, operand.areas, step)
+    radii[operand.strays] = 0.0
+    return radii
 
 
 def with_border(space: Space, cells: NDArray[np.int32]) -> Space:

@@ -25,7 +25,7 @@ def spacings_and_strays(index: PointIndex | None, normals: Floats) -> tuple[Floa
     """Return the spacing at every surfel, and which are strays.
 
     The spacing is told by the neighbours of one surfel in :data:`STRIDE`, averaged over a few of these. Surfels at one
-    place are taken as one. A stray takes the least spacing of its neighbours.
+    place are taken as one. A stray takes the least spacing of its neighbours, no larger than the median.
     """
     n = 0 if index is None else len(index)
     if index is None or n < 2:
@@ -46,15 +46,19 @@ def spacings_and_strays(index: PointIndex | None, normals: Floats) -> tuple[Floa
         return read_only(found[of_surfel.ravel()]), read_only(alone[of_surfel.ravel()])
     known = np.sqrt(squares[:, k - 1] * (np.pi / k))
     spacings, trusted = along_the_order(index.points, known, stride)
-    left = np.flatnonzero(~trusted | (spacings > WIDE * np.median(known)))
+    usual = float(np.median(known))
+    left = np.flatnonzero(~trusted | (spacings > WIDE * usual))
     strays = np.zeros(n, bool)
     groups = [(asked, squares, near)]
     if len(left):
         groups.append((left, *index.knn(k, left)))
         spacings[left] = np.sqrt(groups[1][1][:, k - 1] * (np.pi / k))
-    for group in groups:
-        mark_strays(*group, index.points, normals, spacings, strays)
+    for _ in range(2):
+        for group in groups:
+            mark_strays(*group, index.points, normals, spacings, WIDE * usual, strays)
+        if not strays.any():
+            break
     for rows, _, neighbours in groups:
         alone = strays[rows]
-        spacings[rows[alone]] = spacings[neighbours[alone]].min(axis=1)
+        spacings[rows[alone]] = np.minimum(spacings[neighbours[alone]].min(axis=1), usual)
     return read_only(spacings), read_only(strays)

@@ -11,7 +11,8 @@ from surfel.core.cast import Booleans, Floats
 from surfel.core.crossings import Crossings
 from surfel.core.execute import blocks
 from surfel.core.lines import Lines
-from surfel.inside.classify import SHEETS, Classifier
+from surfel.inside.classify import Classifier
+from surfel.inside.decision import SHEETS
 from surfel.inside.sheets import judge as over_sheets
 
 if TYPE_CHECKING:

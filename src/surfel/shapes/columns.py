@@ -73,7 +73,7 @@ def axes_under(axes: Floats, linear: Floats) -> Floats:
 
 def as_judge(name: str) -> str:
     """Return the name of a judge, or say which there are."""
-    from surfel.inside.classify import SHEETS
+    from surfel.inside.decision import SHEETS
     from surfel.inside.judges import NAMES
 
     return as_choice(name, "judge", ("auto", SHEETS, *NAMES))

@@ -6,7 +6,7 @@ import math
 
 from numpy.typing import ArrayLike
 
-from surfel._numba import inner, rows
+from surfel._numba import inlined, rows
 from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.judges.nearest import over_plane
 from surfel.inside.judges.skipping import judge_by, look_with
@@ -62,15 +62,15 @@ def judge(cloud: Operand | HasOperand, queries: ArrayLike, *, k: int = 10, skip:
     return judge_by(look_with(_rule, k), operand, queries, skip=skip)
 
 
-@inner
-def weighted_side(points, normals, x, y, z, squares, near):
-    """Return f at a place and the weighted mean of the absolute distances over the planes."""
-    k = len(near)
-    inverse = 1.0 / (WIDTH * squares[k - 1]) if squares[k - 1] > 0.0 else 0.0
+@inlined
+def weighted_side(points, normals, x, y, z, squares, near, i):
+    """Return f at place i and the weighted mean of the absolute distances over the planes."""
+    k = near.shape[1]
+    inverse = 1.0 / (WIDTH * squares[i, k - 1]) if squares[i, k - 1] > 0.0 else 0.0
     total = side = size = 0.0
     for a in range(k):
-        weight = math.exp((squares[0] - squares[a]) * inverse)
-        over = over_plane(points, normals, near[a], x, y, z)
+        weight = math.exp((squares[i, 0] - squares[i, a]) * inverse)
+        over = over_plane(points, normals, near[i, a], x, y, z)
         total += weight
         side += weight * over
         size += weight * abs(over)
@@ -80,6 +80,6 @@ def weighted_side(points, normals, x, y, z, squares, near):
 @rows
 def _rule(first, last, points, normals, places, squares, near, value, certain):
     for i in range(first, last):
-        side, size = weighted_side(points, normals, places[i, 0], places[i, 1], places[i, 2], squares[i], near[i])
+        side, size = weighted_side(points, normals, places[i, 0], places[i, 1], places[i, 2], squares, near, i)
         value[i] = side
         certain[i] = 2.0 * abs(side) > size

@@ -134,10 +134,13 @@ def _settle_runs(look: Look, operand: Operand, places: Floats, value: Floats, ce
         size = RUN ** (len(boxes) - level)
         middle = 0.5 * box[active, 0] + 0.5 * box[active, 1]
         radius = np.linalg.norm(box[active, 1] - middle, axis=1)
-        found = look(operand, middle)
-        free = found.distance - operand.spacings[found.nearest]
-        settled = (radius < free) & (found.certain | (radius < SMALL * free))
-        one = Opinion(*(part[settled] for part in found))
+        squares, near = neighbours_of(operand, middle, 1)
+        free = np.sqrt(squares[:, 0]) - operand.spacings[near[:, 0]]
+        settled = radius < free
+        found = look(operand, middle.compress(settled, axis=0))
+        sure = found.certain | (radius[settled] < SMALL * free[settled])
+        settled[settled] = sure
+        one = Opinion(*(part[sure] for part in found))
         with threads_for(size * len(one.value)):
             _hand_on(len(one.value), active[settled], size, middle[settled], *one, places, value, certain)
         active = (active[~settled, None] * RUN + np.arange(RUN)).ravel()

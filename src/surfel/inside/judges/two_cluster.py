@@ -77,31 +77,22 @@ def judge(cloud: Operand | HasOperand, queries: ArrayLike, *, k: int = 10, skip:
 
 
 @inner
-def clustered_side(points, normals, x, y, z, squares, near, sums):
-    """Return the distance of a place over what its nearest surfels bound, and whether they agree.
+def clustered_side(points, normals, x, y, z, squares, near, i, other, sums):
+    """Return the distance of place i over what its nearest surfels bound, and whether they agree.
 
-    ``sums`` is scratch of shape (2, 7).
+    ``other`` is the surfel whose normal is most unlike that of the nearest; ``sums`` is scratch of shape (2, 7).
     """
-    k = len(near)
-    lead = near[0]
+    k = near.shape[1]
+    lead = near[i, 0]
     lx, ly, lz = normals[lead, 0], normals[lead, 1], normals[lead, 2]
-    other, least = lead, 2.0
-    for a in range(k):
-        j = near[a]
-        cosine = dot(lx, ly, lz, normals[j, 0], normals[j, 1], normals[j, 2])
-        if cosine < least:
-            least, other = cosine, j
-    if least > ALIKE:
-        side, size = weighted_side(points, normals, x, y, z, squares, near)
-        return side, 2.0 * abs(side) > size
     ox, oy, oz = normals[other, 0], normals[other, 1], normals[other, 2]
-    inverse = 1.0 / (WIDTH * squares[k - 1]) if squares[k - 1] > 0.0 else 0.0
+    inverse = 1.0 / (WIDTH * squares[i, k - 1]) if squares[i, k - 1] > 0.0 else 0.0
     sums[:, :] = 0.0
     for a in range(k):
-        j = near[a]
+        j = near[i, a]
         nx, ny, nz = normals[j, 0], normals[j, 1], normals[j, 2]
         c = 0 if dot(nx, ny, nz, lx, ly, lz) >= dot(nx, ny, nz, ox, oy, oz) else 1
-        weight = math.exp((squares[0] - squares[a]) * inverse)
+        weight = math.exp((squares[i, 0] - squares[i, a]) * inverse)
         sums[c, 0] += weight * nx
         sums[c, 1] += weight * ny
         sums[c, 2] += weight * nz
@@ -120,7 +111,7 @@ def clustered_side(points, normals, x, y, z, squares, near, sums):
     second = -dot(sums[1, 0], sums[1, 1], sums[1, 2], sums[1, 3], sums[1, 4], sums[1, 5])
     if (first < 0.0) == (second < 0.0):
         return first, first * second > 0.0
-    if least < OPPOSED:
+    if dot(lx, ly, lz, ox, oy, oz) < OPPOSED:
         return over_plane(points, normals, lead, x, y, z), False
     convex = 0.0
     for t in range(3):
@@ -130,8 +121,20 @@ def clustered_side(points, normals, x, y, z, squares, near, sums):
 
 @rows
 def _rule(first, last, points, normals, places, squares, near, value, certain):
+    """Judge places; smooth surfaces, which are most frequent, are told here, without a call."""
     sums = np.empty((2, 7))
     for i in range(first, last):
-        value[i], certain[i] = clustered_side(
-            points, normals, places[i, 0], places[i, 1], places[i, 2], squares[i], near[i], sums
-        )
+        x, y, z = places[i, 0], places[i, 1], places[i, 2]
+        lead = near[i, 0]
+        lx, ly, lz = normals[lead, 0], normals[lead, 1], normals[lead, 2]
+        other, least = lead, 2.0
+        for a in range(near.shape[1]):
+            j = near[i, a]
+            cosine = dot(lx, ly, lz, normals[j, 0], normals[j, 1], normals[j, 2])
+            if cosine < least:
+                least, other = cosine, j
+        if least > ALIKE:
+            side, size = weighted_side(points, normals, x, y, z, squares, near, i)
+            value[i], certain[i] = side, 2.0 * abs(side) > size
+        else:
+            value[i], certain[i] = clustered_side(points, normals, x, y, z, squares, near, i, other, sums)
