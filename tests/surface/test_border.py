@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import Delaunay
 
 import naive
-from surfel.surface.border import border_share, is_covered, nearby_cells
+from surfel.surface.border import border_share, is_covered, nearby_cells, unevenness
 
 
 @pytest.mark.parametrize("cap2", [1e9, 0.08, 0.02])
@@ -37,10 +37,23 @@ def test_points_on_a_line_cover_nothing():
     assert not is_covered(u, 0.5 * u, 9, 0.1, 0.2, 1e9)
 
 
-def test_the_share_of_a_border_point_falls_with_regularity():
-    assert border_share(0.5) == 1.13 and border_share(0.8) == 0.54
-    assert border_share(0.3) == 1.13 and border_share(1.0) == 0.54
-    assert 0.54 < border_share(0.65) < 1.13
+def test_the_share_of_a_border_point_grows_with_the_unevenness():
+    assert border_share(0.33) == border_share(0.5) == 1.13
+    assert border_share(0.0) == border_share(0.1) == 0.5
+    assert 0.6 < border_share(0.14) < border_share(0.2) < 1.13
+
+
+def test_unevenness_compares_closed_cells_with_the_closed_ones_round_them():
+    rng = np.random.default_rng(3)
+    area, closed = rng.random(60), (rng.random(60) < 0.7).astype(np.uint8)
+    near = np.stack([rng.permutation(np.delete(np.arange(60), i))[:24] for i in range(60)]).astype(np.int32)
+    off = []
+    for i in np.flatnonzero(closed):
+        there = [j for j in near[i, :12] if closed[j]]
+        if len(there) >= 6:
+            off.append(abs(area[i] / area[there].mean() - 1.0))
+    assert unevenness(area, closed, near) == pytest.approx(np.median(off), rel=1e-12)
+    assert unevenness(area, np.zeros(60, np.uint8), near) == 0.0
 
 
 def test_the_size_of_nearby_cells_is_the_mean_of_the_nearest_twelve_closed_ones():

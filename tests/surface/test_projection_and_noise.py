@@ -75,6 +75,18 @@ def test_the_quadric_solves_the_normal_equations_with_their_ridge(points):
         np.testing.assert_allclose(found, np.linalg.solve(matrix, loads), rtol=1e-9)
 
 
+def test_points_across_the_planes_take_no_part():
+    u, v = np.random.default_rng(2).uniform(-1.0, 1.0, (2, 12))
+    points = np.stack([np.append(0.0, u), np.append(0.0, v), np.zeros(13)], axis=1)
+    points[9:, :2] *= 0.2
+    points[9:, 2] = 1.0  # another sheet
+    normals, chosen = np.tile([0.0, 0.0, 1.0], (13, 1)), np.zeros(1, np.int32)
+    near = np.argsort(np.square(points).sum(axis=1))[None, 1:].astype(np.int32)
+    counts = np.array([12], np.int32)
+    np.testing.assert_allclose(project(points, normals, chosen, near, counts, steep=1.4)[0], 0.0, atol=1e-12)
+    assert project(points, normals, chosen, near, counts)[0][0, 2] > 0.1
+
+
 def test_points_side_by_side_are_fitted_each_by_itself(rough_cloud):
     points, normals = rough_cloud
     near = naive.nearest(points, 24)[1]

@@ -19,7 +19,7 @@ from surfel.core.patches import Patches
 from surfel.index.bvh import TriangleBvh
 from surfel.lines.bundles import Bundles
 from surfel.shapes.sheets import CloudCrossings, crossings_of
-from surfel.surface.close_sheets import faces_one_way
+from surfel.surface.close_sheets import SHARE_FITTED, faces_one_way, has_close_sheets
 from surfel.surface.fans import STAR, Fans, build_fans
 from surfel.surface.neighbourhoods import Neighbourhoods, cleaned
 from surfel.surface.noise import is_two_sheets
@@ -107,6 +107,14 @@ class CloudSurface:
             return False
         given = self._given[hood.rows]
         return self._once("overlaid", lambda: faces_one_way(hood, given))
+
+    @property
+    def crowded(self) -> bool:
+        """Whether sheets lie so close, of a cloud without normals, that their points cannot be told apart."""
+        local = self.local
+        if local is None or self._given is not None:
+            return False
+        return self._once("crowded", lambda: has_close_sheets(local.hood, local.normals, SHARE_FITTED))
 
     @property
     def spacing(self) -> float:

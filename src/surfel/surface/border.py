@@ -20,15 +20,56 @@ CELLS = 12
 """How many closed cells nearby give the size of a border point's cell."""
 
 
-def border_share(regularity: float) -> float:
-    """Return how much of a cell an uncovered point adds: 1.13 for random points, 0.54 for blue noise.
+UNEVENNESS = np.array([0.1, 0.115, 0.14, 0.155, 0.19, 0.33])
+SHARES = np.array([0.5, 0.61, 0.63, 0.74, 0.88, 1.13])
+"""What an uncovered point adds, in cells, by how unequal the cells are.
+
+Measured on a square, a disk, a Moebius band and a helicoid, with points at random and kept 0.3 to 0.8 spacings apart,
+also more so in one direction than in the other. Those kept apart were thrown inside the border alone, and crowd it: of
+a part that is cut out of a larger cloud of such points each would stand for 0.86.
+"""
+
+_ROUND = 12  # neighbours that a cell is compared with
+
+
+def border_share(uneven: float) -> float:
+    """Return how much of a cell an uncovered point adds: 1.13 for random points, 0.6 for blue noise.
 
     Parameters
     ----------
-    regularity : float
-        Mean of nearest distance over spacing: 0.5 for random points, 0.8 for blue noise.
+    uneven : float
+        What :func:`unevenness` gave: 0.33 for random points, 0.12 for blue noise, however it is stretched.
     """
-    return float(np.interp(regularity, [0.5, 0.8], [1.13, 0.54]))
+    return float(np.interp(uneven, UNEVENNESS, SHARES))
+
+
+def unevenness(area: Floats, closed: NDArray[np.uint8], near: NDArray[np.int32]) -> float:
+    """Return by which share closed cells differ from the mean of those round them: the median; 0 where none is closed.
+
+    Unlike the distance to the nearest point it stays the same where points lie denser along lines than across.
+    """
+    off = np.empty(len(area))
+    with threads_for(len(area)):
+        _write_unlike(len(area), area, closed, near, off)
+    off = off[off >= 0.0]
+    return float(np.median(off)) if len(off) else 0.0
+
+
+@rows
+def _write_unlike(first, last, area, closed, near, off):
+    """Write how much each closed cell differs from the mean of the closed ones round it; -1 where there are few."""
+    for i in range(first, last):
+        off[i] = -1.0
+        if closed[i] == 0:
+            continue
+        total, count = 0.0, 0
+        for a in range(min(_ROUND, near.shape[1])):
+            j = near[i, a]
+            if closed[j] == 1:
+                total += area[j]
+                count += 1
+        if 2 * count >= _ROUND and total > 0.0:
+            off[i] = abs(area[i] * count / total - 1.0)
 
 
 def nearby_cells(

@@ -90,6 +90,7 @@ def clip_cells(
     *,
     final: bool,
     twist: float = 2.0,
+    through: int = 0,
 ) -> None:
     """Clip the cells of the chosen points and write them into ``cells``.
 
@@ -113,18 +114,35 @@ def clip_cells(
         How many points beyond an edge show that the surface goes on there: 1, or 2 where normals are less certain.
     twist : float
         How far, in its distance, a neighbour with like normals may lie off the arc of a circle that both describe.
+    through : int
+        So many points beyond an edge show that the plane of a neighbour goes on there; 0 where it is not asked.
     final : bool
         Settle what these neighbours can tell, though farther ones might change an insecure cell.
     """
     chunks = (len(chosen) + _CHUNK - 1) // _CHUNK
     flat = np.full(len(points), 2, np.uint8)
     with threads_for(16 * len(chosen)):
-        _clip_all(chunks, points, normals, near, spacing, chosen, neighbours, reach, proof, final, twist, flat, *cells)
+        _clip_all(
+            chunks,
+            points,
+            normals,
+            near,
+            spacing,
+            chosen,
+            neighbours,
+            reach,
+            proof,
+            final,
+            twist,
+            through,
+            flat,
+            *cells,
+        )
 
 
 @rows
 def _clip_all(
-    begin, end, points, normals, near, spacing, chosen, neighbours, reach, proof, final, twist, flat,
+    begin, end, points, normals, near, spacing, chosen, neighbours, reach, proof, final, twist, through, flat,
     area, closed, uncovered, rough, curved, secure, star, joined,
 ):  # fmt: skip
     m, k = neighbours.shape
@@ -176,7 +194,7 @@ def _clip_all(
                 if plane < 0:
                     plane = in_plane(points, normals, neighbours, row, i, h, ax, ay, az)
                 verdict, dx, dy, dz = over_edge(
-                    points, normals, near, flat, i, j, h, ax, ay, az, np.int64(plane), proof
+                    points, normals, near, flat, i, j, h, ax, ay, az, np.int64(plane), proof, through
                 )
                 if verdict == 0:
                     continue

@@ -13,10 +13,13 @@ from surfel.surface.twist import off_arc
 SHARE = 0.15
 """So much of the nearest neighbours lies on other sheets, where sheets are closer than their points."""
 
+SHARE_FITTED = 0.06
+"""The same for normals that were fitted: with more of them, points of one sheet were taken for those of the other."""
+
 _NEAR = 12  # neighbours that are asked: those that tell the spacing
 
 
-def has_close_sheets(hood: Neighbourhoods, normals: Floats) -> bool:
+def has_close_sheets(hood: Neighbourhoods, normals: Floats, share: float = SHARE) -> bool:
     """Tell whether many of the neighbours that tell the spacing lie on another sheet.
 
     Parameters
@@ -25,9 +28,11 @@ def has_close_sheets(hood: Neighbourhoods, normals: Floats) -> bool:
         Of the points.
     normals : Floats, shape (n, 3)
         In the order of ``hood``, of either sign; zero where unknown.
+    share : float
+        How many of them are many.
     """
     same, other, asked = _counted(hood, normals)
-    return bool(same + other > SHARE * asked)
+    return bool(same + other > share * asked)
 
 
 def faces_one_way(hood: Neighbourhoods, normals: Floats) -> bool:

@@ -23,6 +23,10 @@ CANDIDATES = 24
 """Among how many neighbours a point near an edge looks for a cleaner plane."""
 
 
+STEEP = 1.4
+"""How far a neighbour may lie off both planes, in its distance: one that lies across them is of another sheet."""
+
+
 class Planes(NamedTuple):
     """Planes fitted round each point: normal (n, 3) of either sign, residual (n,) in units of length, centre (n, 3)."""
 
@@ -57,7 +61,7 @@ def fitted_normals(points: Floats, neighbours: NDArray[np.int32], spacing: Float
     counts = widths(len(points), NEIGHBOURS, neighbours)
     fit_planes(points, everyone, neighbours, counts, planes)
     chosen = choose_planes(points, neighbours, ROUGH * spacing, planes)
-    return project(points, chosen, everyone, neighbours, counts)[1]
+    return project(points, chosen, everyone, neighbours, counts, steep=STEEP)[1]
 
 
 def widths(rows: int, k: int, neighbours: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from surfel.core.cast import Floats
 from surfel.core.execute import blocks
-from surfel.surface.border import border_share, nearby_cells
+from surfel.surface.border import border_share, nearby_cells, unevenness
 from surfel.surface.cells import FACET, Cells, clip_cells, reach_of
 from surfel.surface.close_sheets import has_close_sheets
 from surfel.surface.denoise import Denoised, denoise, matters
@@ -166,8 +166,9 @@ def _patches_of(
     projected = smooth is not None
     relief = FINE_RELIEF_FITTED if normals is None else FINE_RELIEF_GIVEN
     twist = STRICT if sheets else LOOSE if projected or normals is None else largest_twist(hood, normals)
+    through = 0 if projected or normals is None else 2  # fitted normals are mixed up where planes meet
     normals = _completed(hood, normals)
-    cells = _settled_cells(hood, normals, star, 2 if projected else 1, twist)
+    cells = _settled_cells(hood, normals, star, 2 if projected else 1, twist, through)
     border, random_border = _border(hood, cells)
     areas = cells.area * (1.0 + cells.curved)
     rough = areas * cells.rough
@@ -215,7 +216,7 @@ def _upright(normals: Floats) -> Floats:
     return np.ascontiguousarray(normals * np.where(down, -1.0, 1.0)[:, None])
 
 
-def _settled_cells(hood: Neighbourhoods, normals: Floats, star: int, proof: int, twist: float) -> Cells:
+def _settled_cells(hood: Neighbourhoods, normals: Floats, star: int, proof: int, twist: float, through: int) -> Cells:
     """Clip every cell by its near neighbours, then those that farther ones might change by more of them."""
     n, k = hood.near.shape
     reach = reach_of(hood.order) * (SHARED if twist == STRICT else 1.0)
@@ -223,11 +224,17 @@ def _settled_cells(hood: Neighbourhoods, normals: Floats, star: int, proof: int,
     everyone = np.arange(n, dtype=np.int32)
     few = k == n - 1
     near, spacing = hood.near, hood.spacing
-    clip_cells(cells, hood.points, normals, near, spacing, everyone, near, reach, proof, final=few, twist=twist)
+    clip_cells(
+        cells, hood.points, normals, near, spacing, everyone, near, reach, proof,
+        final=few, twist=twist, through=through,
+    )  # fmt: skip
     if not few:
         for rows in _in_blocks(np.flatnonzero(cells.secure == 0).astype(np.int32)):
             wide = hood.index.knn(min(FAR, n - 1), rows)[1]
-            clip_cells(cells, hood.points, normals, near, spacing, rows, wide, reach, proof, final=True, twist=twist)
+            clip_cells(
+                cells, hood.points, normals, near, spacing, rows, wide, reach, proof,
+                final=True, twist=twist, through=through,
+            )  # fmt: skip
     return cells
 
 
@@ -241,7 +248,7 @@ def _border(hood: Neighbourhoods, cells: Cells) -> tuple[Floats, bool]:
     random_border = bool(far[opened].mean() > 0.25)
     bare = np.flatnonzero((cells.uncovered & 1) > 0 if random_border else far).astype(np.int32)
     if len(bare):
-        share = border_share(hood.order)
+        share = border_share(unevenness(cells.area, cells.closed, hood.near))
         for rows in _in_blocks(bare):
             wide = hood.index.knn(min(48, len(hood) - 1), rows)[1]
             border[rows] = share * nearby_cells(rows, wide, cells.area, cells.closed, hood.spacing)

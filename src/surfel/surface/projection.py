@@ -25,6 +25,7 @@ def project(
     counts: NDArray[np.int32],
     *,
     alike: float = 0.8,
+    steep: float = math.inf,
 ) -> tuple[Floats, Floats, Floats]:
     """Move points along their normals onto a quadric fitted to their neighbours with Gaussian weights.
 
@@ -43,6 +44,8 @@ def project(
         How many of them the fit of each point takes.
     alike : float
         Least absolute cosine between the normals of a point and of a neighbour that takes part.
+    steep : float
+        How far such a neighbour may lie off both planes together, in its distance; farther off is another sheet.
 
     Returns
     -------
@@ -54,7 +57,7 @@ def project(
     moved, turned, bend = np.empty((len(chosen), 3)), np.empty((len(chosen), 3)), np.empty(len(chosen))
     with threads_for(len(chosen) * neighbours.shape[1]):
         chunks = (len(chosen) + _CHUNK - 1) // _CHUNK
-        _project(chunks, points, normals, chosen, neighbours, counts, alike, moved, turned, bend)
+        _project(chunks, points, normals, chosen, neighbours, counts, alike, steep, moved, turned, bend)
     return moved, turned, bend
 
 
@@ -65,7 +68,7 @@ _OFFSET, _WEIGHT, _SUMS, _LOADS, _FIT, _COUNT, _ROWS = 13, 16, 17, 32, 38, 42, 4
 
 
 @rows
-def _project(begin, end, points, normals, chosen, neighbours, counts, alike, moved, turned, bend):
+def _project(begin, end, points, normals, chosen, neighbours, counts, alike, steep, moved, turned, bend):
     m = len(chosen)
     b = np.empty((_ROWS, _LANES))
     for start in range(begin * _CHUNK, min(m, end * _CHUNK), _LANES):
@@ -97,12 +100,19 @@ def _project(begin, end, points, normals, chosen, neighbours, counts, alike, mov
                 if a >= counts[row]:
                     continue
                 j = neighbours[row, a]
-                x, y, z = normals[j, 0], normals[j, 1], normals[j, 2]
-                if abs(x * b[_NORMAL, lane] + y * b[_NORMAL + 1, lane] + z * b[_NORMAL + 2, lane]) < alike:
+                mx, my, mz = normals[j, 0], normals[j, 1], normals[j, 2]
+                nx, ny, nz = b[_NORMAL, lane], b[_NORMAL + 1, lane], b[_NORMAL + 2, lane]
+                if abs(mx * nx + my * ny + mz * nz) < alike:
                     continue
-                b[_OFFSET, lane] = points[j, 0] - b[_POINT, lane]
-                b[_OFFSET + 1, lane] = points[j, 1] - b[_POINT + 1, lane]
-                b[_OFFSET + 2, lane] = points[j, 2] - b[_POINT + 2, lane]
+                x, y, z = (
+                    points[j, 0] - b[_POINT, lane],
+                    points[j, 1] - b[_POINT + 1, lane],
+                    points[j, 2] - b[_POINT + 2, lane],
+                )
+                off = abs(x * nx + y * ny + z * nz) + abs(x * mx + y * my + z * mz)
+                if off * off > steep * steep * (x * x + y * y + z * z):
+                    continue
+                b[_OFFSET, lane], b[_OFFSET + 1, lane], b[_OFFSET + 2, lane] = x, y, z
                 b[_WEIGHT, lane] = 1.0
                 b[_COUNT, lane] += 1.0
             for lane in range(_LANES):

@@ -81,12 +81,38 @@ def far_side(x, y, z, count, h, gx, gy, gz, cx, cy, cz, line, where, proof):
 
 
 @kernel
-def over_edge(points, normals, near, flat, i, j, h, px, py, pz, count, proof):
+def goes_on(points, normals, near, j, h, fx, fy, fz, cx, cy, cz, line, where, proof):
+    """Tell whether the plane of point j goes on beyond an edge, which runs along c at the distance ``line`` along f.
+
+    Asked is at ``where`` along c; at least ``proof`` of the neighbours that share the plane lie on each side.
+    """
+    nx, ny, nz = normals[j, 0], normals[j, 1], normals[j, 2]
+    before = 1 if line > 0.2 * h else 0
+    after = 1 if line < -0.2 * h else 0
+    for a in range(near.shape[1]):
+        m = near[j, a]
+        if abs(nx * normals[m, 0] + ny * normals[m, 1] + nz * normals[m, 2]) < 0.97:
+            continue
+        dx, dy, dz = points[m, 0] - points[j, 0], points[m, 1] - points[j, 1], points[m, 2] - points[j, 2]
+        if abs(dx * nx + dy * ny + dz * nz) > 0.15 * h:
+            continue
+        beyond = dx * fx + dy * fy + dz * fz - line
+        if abs(beyond) < 1.5 * h and abs(dx * cx + dy * cy + dz * cz - where) < 1.5 * h:
+            if beyond > 0.2 * h:
+                after += 1
+            elif beyond < -0.2 * h:
+                before += 1
+    return before >= proof and after >= proof
+
+
+@kernel
+def over_edge(points, normals, near, flat, i, j, h, px, py, pz, count, proof, through):
     """Unfold neighbour j of point i, whose normals differ, over the line in which their planes meet.
 
-    px, py, pz hold the offsets of ``count`` neighbours that share the plane of i. Returns (verdict, x, y, z): 0 where j
-    is no neighbour on the surface, 1 where it is but not over a flat edge (it is then laid out as on a smooth surface),
-    2 with the unfolded offset from i.
+    px, py, pz hold the offsets of ``count`` neighbours that share the plane of i; as many as ``proof`` of them show that
+    it goes on beyond the edge, and ``through`` that the plane of j does (0: that is not asked). Returns (verdict, x, y,
+    z): 0 where j is no neighbour on the surface, 1 where it is but not over a flat edge (it is then laid out as on a
+    smooth surface), 2 with the unfolded offset from i.
     """
     dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
     ax, ay, az = normals[i, 0], normals[i, 1], normals[i, 2]
@@ -107,6 +133,10 @@ def over_edge(points, normals, near, flat, i, j, h, px, py, pz, count, proof):
     where = along * abs(to_line) / across if across > 0.0 else along
     side = far_side(px, py, pz, count, h, gx, gy, gz, cx, cy, cz, to_line, where, proof)
     if side == 0:
+        return 0, 0.0, 0.0, 0.0
+    if through > 0 and goes_on(
+        points, normals, near, j, h, fx, fy, fz, cx, cy, cz, from_line, where - along, through
+    ):  # at an edge both planes end; where one goes on, planes cross, or one stands on the other
         return 0, 0.0, 0.0, 0.0
     if not (known_flat(points, normals, near, i, flat) and known_flat(points, normals, near, j, flat)):
         return 1, 0.0, 0.0, 0.0
