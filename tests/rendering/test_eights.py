@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from surfel._numba import kernel
-from surfel.rendering.eights import LANES, load, pick, ramp, root, some, store
+from surfel.rendering.eights import LANES, load, load_fours, pick, ramp, root, some, store, store_fours
 
 A = np.array([1.5, -2.0, 0.0, 3.25, -0.0, 1e20, -7.0, 0.125], np.float32)
 B = np.array([0.5, -2.0, 4.0, -1.0, 2.0, 1e-3, 7.0, 0.125], np.float32)
@@ -95,6 +95,21 @@ def test_eights_are_read_and_written_anywhere_and_nowhere_else():
     _moved(source, np.uint64(3), np.uint64(5), target)
     np.testing.assert_array_equal(target[5:13], source[3:11])
     assert (target[:5] == -1.0).all() and (target[13:] == -1.0).all()
+
+
+@kernel
+def _moved_in_fours(source, at, beside, to, next_to, target):
+    store_fours(target, to, next_to, load_fours(source, at, beside))
+
+
+def test_fours_come_from_two_places_and_go_to_two():
+    source, target = np.arange(20, dtype=np.float32), np.full(20, -1.0, np.float32)
+    _moved_in_fours(source, np.uint64(3), np.uint64(14), np.uint64(12), np.uint64(1), target)
+    np.testing.assert_array_equal(target[12:16], source[3:7])
+    np.testing.assert_array_equal(target[1:5], source[14:18])
+    assert (np.delete(target, [1, 2, 3, 4, 12, 13, 14, 15]) == -1.0).all()
+    _moved_in_fours(source, np.uint64(0), np.uint64(4), np.uint64(6), np.uint64(8), target)
+    np.testing.assert_array_equal(target[6:12], [0, 1, 4, 5, 6, 7])  # where both meet, the second stays
 
 
 @kernel

@@ -28,22 +28,23 @@ _FLAGS = (
     "--disable-component-update",
     "--disable-sync",
     "--disable-dev-shm-usage",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
     "--remote-debugging-port=0",
     "--remote-allow-origins=*",
 )
+_BY_SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+_NOT_AT_ALL = ("--disable-gpu", "--disable-software-rasterizer", "--disable-3d-apis")
 
 
 class Page:
     """One tab: what it asks the network for, what it complains about, what it shows, and a mouse."""
 
-    def __init__(self, folder: Path, width: int = 800, height: int = 600) -> None:
+    def __init__(self, folder: Path, width: int = 800, height: int = 600, draws: bool = True) -> None:
         from websockets.sync.client import connect
 
         assert CHROMIUM is not None
+        flags = (*_FLAGS, *(_BY_SOFTWARE if draws else _NOT_AT_ALL))
         self._process = subprocess.Popen(
-            [CHROMIUM, *_FLAGS, f"--user-data-dir={folder}", f"--window-size={width},{height}", "about:blank"],
+            [CHROMIUM, *flags, f"--user-data-dir={folder}", f"--window-size={width},{height}", "about:blank"],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )

@@ -108,6 +108,19 @@ def test_a_browser_without_a_graphics_card_gets_pictures_unasked(tmp_path):
             assert sand.mean() > 0.05
 
 
+@pytest.mark.parametrize("served", [True, False])
+def test_a_browser_that_cannot_draw_at_all_is_told_so(viewer, served, tmp_path):
+    from surfel.viewer.view import write_html
+
+    file = tmp_path / "scene.html"
+    write_html(surfel.Box(2) - surfel.Sphere(1.2), file)
+    with Page(tmp_path / "profile", *WINDOW, draws=False) as page:
+        page.go(viewer.url if served else file.as_uri())
+        page.wait_for("/WebGL is unavailable/.test(document.body?.innerText)")
+        assert page.evaluate("document.createElement('canvas').getContext('webgl2')") is None
+        assert "check your browser settings" in page.evaluate(NUMBERS)
+
+
 def test_it_loads_from_this_computer_alone_and_shows_the_solids(viewer, page):
     outside = [
         a for a in page.requests if not a.startswith((viewer.url, "data:", "blob:", viewer.url.replace("http", "ws")))

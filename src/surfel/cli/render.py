@@ -39,6 +39,7 @@ def render(
     ] = None,
     up: Up = "z",
     orthographic: Annotated[bool, typer.Option("--orthographic", help="Parallel lines of sight.")] = False,
+    curve: Annotated[bool, typer.Option("--curve", help="Draw where the operands of a tree meet.")] = False,
     reference: Annotated[bool, typer.Option("--reference", help="Cast every line of sight: slow, the truth.")] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -58,7 +59,7 @@ def render(
             shown = [_combined(op, shapes)] if op is not None else shapes
             progress(0.5, "drawing")
             camera = _camera_of(shown, measures, eye, target, up, orthographic)
-            image = surfel.render(shown, camera, measures, orthographic=orthographic, reference=reference)
+            image = surfel.render(shown, camera, measures, orthographic=orthographic, reference=reference, curve=curve)
             image.save(out)
         if not image.covered:
             output.note("nothing is to be seen: the solid is empty, or the camera looks elsewhere")

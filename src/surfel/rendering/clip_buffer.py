@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel._numba import rows, threads_for
+from surfel.core.cast import Booleans
 from surfel.rendering.disks import CREASE, EDGE, Disks
 from surfel.rendering.lists import Lists
-from surfel.rendering.placing import View
-from surfel.rendering.projection import depth_of, normal_of, projected
-from surfel.rendering.raster import ALIKE, BLEND, THIN
+from surfel.rendering.places import Places
+from surfel.rendering.placing import PIXEL, View
+from surfel.rendering.projection import depth_of, height_over, normal_of, projected
+from surfel.rendering.raster import ALIKE, BLEND, FAR, THIN
 
 MOST = 6
 """Sheets that are looked at along a line of sight; the first that no cut may pass is the last."""
@@ -36,8 +38,19 @@ class Layers(NamedTuple):
     unsure: NDArray[np.bool_]  # (m, MOST): whether a cut may pass it
 
 
-def layers_of(disks: Disks, label: NDArray[np.int32], motions: NDArray[np.float32], view: View, lists: Lists) -> Layers:
-    """Part the fragments of each place into sheets; the lists are sorted and used up by that."""
+def layers_of(
+    disks: Disks,
+    label: NDArray[np.int32],
+    motions: NDArray[np.float32],
+    view: View,
+    lists: Lists,
+    places: Places,
+    away: Booleans,
+) -> Layers:
+    """Part the fragments of each place into sheets; the lists are sorted and used up by that.
+
+    Sheets that are cut away for certain are left out, the nearest where ``away`` says so of it.
+    """
     m = len(lists.counts)
     found = Layers(
         np.zeros(m, np.int32),
@@ -46,20 +59,37 @@ def layers_of(disks: Disks, label: NDArray[np.int32], motions: NDArray[np.float3
         np.zeros((m, MOST), np.bool_),
     )
     with threads_for(100 * m):
-        _part(m, disks, label, motions, view, *lists, *found)
+        _part(m, disks, label, motions, view, *places, away, *lists, *found)
     return found
 
 
 @rows
 def _part(
-    first, last, disks, label, motions, view, starts, counts, all_z, all_weight, all_who, count, value, winner, unsure
+    first,
+    last,
+    disks,
+    label,
+    motions,
+    view,
+    pixels,
+    offsets,
+    away,
+    starts,
+    counts,
+    all_z,
+    all_weight,
+    all_who,
+    count,
+    value,
+    winner,
+    unsure,
 ):
     """Sort the fragments of some lines by depth and part them into sheets."""
     points, normals, radii, leaf, colors, flags = (
         disks.points, disks.normals, disks.radii, disks.leaf, disks.colors, disks.flags
     )  # fmt: skip
     slope, middle, size, cx, cy = view.slope, view.depth, view.size, view.cx, view.cy
-    total = np.empty(8, np.float32)
+    total, cuts, places = np.empty(8, np.float32), disks.cuts, len(offsets)
     for line in range(first, last):
         begin, end = starts[line], starts[line] + counts[line]
         gap = 1
@@ -74,12 +104,15 @@ def _part(
                     b -= gap
                 all_z[b], all_weight[b], all_who[b] = z, weight, who
             gap //= 3
-        found = 0
+        found, cut = 0, away[line]
+        pixel = pixels[line // places]
+        across = np.float32(pixel % view.width) + offsets[line % places, 0] - cx
+        down = np.float32(pixel // view.width) + offsets[line % places, 1] - cy
         for a in range(begin, end):
             lead = all_who[a]
             if lead < 0:
                 continue
-            nearest, doubt = all_z[a], False
+            nearest, doubt, above, off = all_z[a], False, _ZERO, _ZERO
             total[:] = _ZERO
             widest = np.float32(8.0) * radii[lead]
             tx, ty, tz = normal_of(lead, leaf[lead], normals, motions)
@@ -101,12 +134,22 @@ def _part(
                 total[4] += weight * nz
                 for k in range(3):
                     total[5 + k] += weight * np.float32(colors[i, k])
-                doubt = doubt or flags[i] & EDGE != 0
                 all_who[b] = -1
+                if flags[i] & EDGE:
+                    doubt = True
+                    if len(cuts) > 0:
+                        z = all_z[b]
+                        wide = (middle + z) * slope if slope > _ZERO else size
+                        above += weight * height_over(i, across * wide, down * wide, z, cuts, points, leaf, motions)
+                        off += weight * (cuts[i, 4] if radii[i] >= PIXEL * wide else FAR)
             ez = depth_of(lead, leaf[lead], points, motions)
             cosine = projected(lead, leaf[lead], ez, tx, ty, tz, points, motions, slope, middle, size, cx, cy)[3]
             if total[0] < THIN * (_ONE - cosine):
                 continue  # the rims of disks that stick out over the silhouette
+            if cut or (doubt and -above > off):
+                cut = False
+                continue
+            doubt = doubt and not above > off
             mean = _ONE / total[0]
             value[line, found, 0] = nearest + total[1] * mean
             length = math.sqrt(total[2] * total[2] + total[3] * total[3] + total[4] * total[4])

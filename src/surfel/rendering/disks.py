@@ -29,6 +29,7 @@ class Disks(NamedTuple):
     clips: NDArray[np.int32]  # (n + 1,): runs of planes
     planes: NDArray[np.float32]  # (k, 4): n . (x - centre) <= d
     axes: NDArray[np.float32]  # (n, 6), or (0, 6) where all are round
+    cuts: NDArray[np.float32]  # (n, 5), or (0, 5) where not known: planes of cuts, and how far these may be off
 
     def chosen(self, good: NDArray[np.bool_]) -> Disks:
         """Return some of the disks."""
@@ -45,6 +46,7 @@ class Disks(NamedTuple):
             starts,
             self.planes[np.repeat(good, np.diff(self.clips))],
             self.axes[good] if len(self.axes) else self.axes,
+            self.cuts[good] if len(self.cuts) else self.cuts,
         )
 
 
@@ -60,6 +62,7 @@ NO_DISKS = Disks(
     np.zeros(1, np.int32),
     np.empty((0, 4), np.float32),
     np.empty((0, 6), np.float32),
+    np.empty((0, 5), np.float32),
 )
 
 
@@ -67,13 +70,16 @@ def joined(parts: Sequence[Disks]) -> Disks:
     """Join disks, one after the other."""
     if len(parts) <= 1:
         return parts[0] if parts else NO_DISKS
-    some_axes = any(len(part.axes) for part in parts)
     starts = np.cumsum([0, *(int(part.clips[-1]) for part in parts)])
     columns: dict[str, list[NDArray[Any]]] = {name: [getattr(part, name) for part in parts] for name in Disks._fields}
     columns["clips"] = [part.clips[:-1] + start for part, start in zip(parts, starts[:-1], strict=True)]
     columns["clips"].append(starts[-1:])
-    if some_axes:  # those of round disks are never read
-        columns["axes"] = [part.axes if len(part.axes) else np.ones((len(part.radii), 6)) for part in parts]
+    for name, width in (("axes", 6), ("cuts", 5)):  # where some have none, these are never read
+        if any(len(rows) for rows in columns[name]):
+            columns[name] = [
+                rows if len(rows) else np.ones((len(part.radii), width))
+                for rows, part in zip(columns[name], parts, strict=True)
+            ]
     along = {"points": 1, "normals": 1}
     return Disks(
         **{k: np.concatenate(v, axis=along.get(k, 0)).astype(getattr(NO_DISKS, k).dtype) for k, v in columns.items()}

@@ -21,6 +21,7 @@ from numba.extending import intrinsic, register_model
 LANES = 8
 
 _F32, _I32 = ir.FloatType(), ir.IntType(32)
+_HALF = ir.VectorType(_F32, LANES // 2)
 _VECTOR, _MASK = ir.VectorType(_F32, LANES), ir.VectorType(ir.IntType(1), LANES)
 
 
@@ -124,11 +125,22 @@ def load(typing, flat, at):  # type: ignore[no-untyped-def]
     """Return ``flat[at : at + 8]``."""
 
     def generate(context: Any, builder: Any, sig: Any, values: Any) -> Any:
-        data = context.make_array(sig.args[0])(context, builder, values[0]).data
-        pointer = builder.bitcast(builder.gep(data, [values[1]]), _VECTOR.as_pointer())
-        return builder.load(pointer, align=4)
+        return builder.load(_pointer(context, builder, sig, values[0], values[1], _VECTOR), align=4)
 
     return _EIGHT(flat, types.uint64), generate
+
+
+@intrinsic
+def load_fours(typing, flat, at, beside):  # type: ignore[no-untyped-def]
+    """Return ``flat[at : at + 4]`` and ``flat[beside : beside + 4]`` as eight."""
+
+    def generate(context: Any, builder: Any, sig: Any, values: Any) -> Any:
+        one, other = (
+            builder.load(_pointer(context, builder, sig, values[0], place, _HALF), align=4) for place in values[1:]
+        )
+        return builder.shuffle_vector(one, other, ir.Constant(ir.VectorType(_I32, LANES), list(range(LANES))))
+
+    return _EIGHT(flat, types.uint64, types.uint64), generate
 
 
 @intrinsic
@@ -136,12 +148,30 @@ def store(typing, flat, at, eight):  # type: ignore[no-untyped-def]
     """Write eight floats to ``flat[at : at + 8]``."""
 
     def generate(context: Any, builder: Any, sig: Any, values: Any) -> Any:
-        data = context.make_array(sig.args[0])(context, builder, values[0]).data
-        pointer = builder.bitcast(builder.gep(data, [values[1]]), _VECTOR.as_pointer())
-        builder.store(values[2], pointer, align=4)
+        builder.store(values[2], _pointer(context, builder, sig, values[0], values[1], _VECTOR), align=4)
         return context.get_dummy_value()
 
     return types.void(flat, types.uint64, _EIGHT), generate
+
+
+@intrinsic
+def store_fours(typing, flat, at, beside, eight):  # type: ignore[no-untyped-def]
+    """Write four floats to ``flat[at : at + 4]`` and then four to ``flat[beside : beside + 4]``."""
+
+    def generate(context: Any, builder: Any, sig: Any, values: Any) -> Any:
+        for first, place in ((0, values[1]), (LANES // 2, values[2])):
+            lanes = ir.Constant(ir.VectorType(_I32, LANES // 2), list(range(first, first + LANES // 2)))
+            half = builder.shuffle_vector(values[3], ir.Constant(_VECTOR, ir.Undefined), lanes)
+            builder.store(half, _pointer(context, builder, sig, values[0], place, _HALF), align=4)
+        return context.get_dummy_value()
+
+    return types.void(flat, types.uint64, types.uint64, _EIGHT), generate
+
+
+def _pointer(context: Any, builder: Any, sig: Any, flat: Any, at: Any, kind: Any) -> Any:
+    """Return a pointer to some floats of an array."""
+    data = context.make_array(sig.args[0])(context, builder, flat).data
+    return builder.bitcast(builder.gep(data, [at]), kind.as_pointer())
 
 
 @intrinsic

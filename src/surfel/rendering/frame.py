@@ -19,7 +19,7 @@ from surfel.rendering.fragments import Fragments
 from surfel.rendering.lists import lists_at
 from surfel.rendering.places import CENTRE, Places
 from surfel.rendering.placing import Placed, View, place, view_of
-from surfel.rendering.raster import RIM, STATES, TURNED, UNSURE, draw
+from surfel.rendering.raster import AWAY, RIM, STATES, TURNED, UNSURE, draw
 from surfel.rendering.scene import Item, Scene, box_of
 from surfel.rendering.verdicts import kept
 from surfel.shapes.mesh import Mesh
@@ -133,6 +133,7 @@ class Frame:
         x, y = (places or Places(unsure, CENTRE)).columns_and_rows(self.size[0], None if places is None else unsure)
         outward = np.where(turned[unsure, None], -seen.normal[unsure], seen.normal[unsure])
         lost = unsure[~self._verdicts(x, y, seen.depth[unsure], outward, seen.leaf[unsure])]
+        lost = np.concatenate([np.flatnonzero(state == AWAY), lost])
         rows = np.concatenate([lost, rims])
         order = np.argsort(rows)
         return rows[order], order < len(lost)
@@ -144,10 +145,9 @@ class Frame:
         """
         lists = lists_at(self.disks, self.placed, self.motions, self.view, places)
         lists.counts[~wanted] = 0
-        layers = layers_of(self.disks, self.placed.label, self.motions, self.view, lists)
+        layers = layers_of(self.disks, self.placed.label, self.motions, self.view, lists, places, away)
         valid = np.arange(layers.winner.shape[1]) < layers.number[:, None]
         good, ask = valid & ~layers.unsure, valid & layers.unsure
-        ask[away, 0] = good[away, 0] = False
         line, level = np.nonzero(ask)
         if len(line):
             value, leaf = layers.value[line, level], self.disks.leaf[layers.winner[line, level]]

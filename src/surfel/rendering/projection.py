@@ -104,3 +104,14 @@ def shaped(u, qx, qy, qz, i, flags, axes, leaf, clips, planes, motions):
             over = planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] * z - planes[k, 3]
             u = pick(over > _ZERO, _TWO, u)
     return u
+
+
+@inlined
+def height_over(i, x, y, z, cuts, points, leaf, motions):
+    """Return how far a place, told in the camera's frame, lies over the plane of a cut; positive where it is kept."""
+    m, a, b, c = leaf[i], points[0, i], points[1, i], points[2, i]
+    height = cuts[i, 3]
+    for k, place in enumerate((x, y, z)):
+        away = place - (motions[m, k, 0] * a + motions[m, k, 1] * b + motions[m, k, 2] * c + motions[m, k, 3])
+        height += away * (motions[m, k, 0] * cuts[i, 0] + motions[m, k, 1] * cuts[i, 1] + motions[m, k, 2] * cuts[i, 2])
+    return height

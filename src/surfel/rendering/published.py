@@ -33,6 +33,11 @@ class ClipBuffer(Frame):
     solid without a surfel there is judged at the centre of the surfel.
     """
 
+    @cached_property
+    def disks(self) -> Disks:
+        """The surfels that are drawn; what is known of the cuts beforehand is no part of the method."""
+        return self.scene.disks._replace(cuts=np.empty((0, 5), np.float32))
+
     def _deeper(
         self, places: Places | None, seen: Fragments, state: NDArray[np.integer[Any]], turned: Booleans
     ) -> tuple[NDArray[np.int64], Booleans]:
@@ -44,7 +49,7 @@ class ClipBuffer(Frame):
         lists.counts[~wanted] = 0
         self._clip(lists)
         plain = self.disks._replace(flags=self.disks.flags & np.uint8(255 - EDGE))
-        layers = layers_of(plain, self.placed.label, self.motions, self.view, lists)
+        layers = layers_of(plain, self.placed.label, self.motions, self.view, lists, places, away)
         return self._first_of(layers, np.arange(layers.winner.shape[1]) < layers.number[:, None])
 
     def _clip(self, lists: Lists) -> None:

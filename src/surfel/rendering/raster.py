@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from surfel._numba import rows, threads_for
 from surfel.rendering.disks import CLIPPED, CREASE, EDGE, ELLIPTIC, PAINTED, Disks
-from surfel.rendering.eights import LANES, load, pick, ramp, some, store
+from surfel.rendering.eights import LANES, load_fours, pick, ramp, some, store_fours
 from surfel.rendering.fragments import Fragments
 from surfel.rendering.places import STRIDE, Places, chosen, listed, touched
 from surfel.rendering.placing import PIXEL, TILE, Placed, View
@@ -26,14 +26,19 @@ ALIKE = np.float32(0.7)
 THIN = np.float32(0.8)
 """Sheets with less weight than this, where they are seen from their edge, are rims of disks that stick out."""
 
-NOTHING, SURE, UNSURE, RIM = 0, 1, 2, 3
-"""States of a pixel: no splat; one kept for certain; one that a cut may pass; the rim of a disk that sticks out."""
-STATES, TURNED = 3, 4
+FAR = np.float32(1e30)
+"""How far the plane of a cut may be off where nothing is known: smaller disks are drawn beyond their rims."""
+
+NOTHING, SURE, UNSURE, RIM, AWAY = 0, 1, 2, 3, 4
+"""States of a pixel: no splat; one kept for certain; one that a cut may pass; the rim of a disk that sticks out; one
+that is cut away for certain."""
+STATES, TURNED = 7, 8
 """The bits of these, and one that says that the normal was turned towards the camera."""
 
 LEAST = np.float32(1e-6)
 
-_PLANES = 16
+_PLANES = 18
+_FOUR, _TWO_ROWS, _HALF_LANES = np.uint64(LANES // 2), STRIDE + STRIDE, np.float32(LANES // 2)
 _EXACT = 1 << 24  # floats hold all whole numbers up to this
 _ZERO, _ONE, _TWO, _INF, _HALF = (np.float32(v) for v in (0.0, 1.0, 2.0, np.inf, 0.5))
 
@@ -98,6 +103,7 @@ def _draw(
     box, starts, entries = placed.box, placed.starts, placed.entries
     points, normals, radii, bends, colors = disks.points, disks.normals, disks.radii, disks.bends, disks.colors
     flags, leaf, clips, planes, own, row = disks.flags, disks.leaf, disks.clips, disks.planes, disks.axes, disks.row
+    cuts = disks.cuts
     slope, middle, size, cx, cy, width, height = (
         view.slope,
         view.depth,
@@ -111,7 +117,7 @@ def _draw(
     grid = np.empty(_PLANES * most, np.float32)
     begins, sums = np.empty(TILE * (TILE + 1), np.int32), np.zeros((TILE + 1) * (TILE + 1), np.int32)
     lines, xs, ys = np.empty(most, np.int64), np.zeros(most, np.float32), np.zeros(most, np.float32)
-    record = np.empty((fullest, 12), np.float32)
+    record = np.empty((fullest, 16), np.float32)
     for t in range(first, last):
         tile = tiles[t]
         left, top = (tile % across) * TILE, (tile // across) * TILE
@@ -123,17 +129,20 @@ def _draw(
             depth[line], out_leaf[line], state[line] = _INF, -1, NOTHING
         if begin == end:
             continue
-        # planes of a tile: depth of what is nearest, which it is, its label; whether a cut may pass; the sums; and
-        # where there are sharp edges, the normal of what is nearest, and the cosine from which others are blended
+        # planes of a tile: depth of what is nearest, which it is, its label; whether a cut may pass; the sums; where
+        # there are sharp edges, the normal of what is nearest, and the cosine from which others are blended; and how
+        # far from a cut it is
         plane = np.uint64(count + LANES)
         best, label = plane, plane + plane
         doubt, weights, behind = label + plane, label + label, label + label + plane
         at_x, at_y, at_z = doubt + doubt, doubt + weights, weights + weights
         at_red, at_green, at_blue = at_z + plane, at_z + label, at_z + doubt
         on_x, on_y, on_z, sharp = at_red + doubt, at_red + weights, at_blue + doubt, at_blue + weights
+        above, off = sharp + plane, sharp + label
         grid[:plane] = _INF
         grid[best:label] = -_ONE
         grid[label : at_blue + plane] = _ZERO
+        grid[above : off + plane] = _ZERO
         farthest, sides, creased = _INF, 1, False
         for run in range(4):  # what faces the camera and what does not, nearest first; then the same, blended
             side, blend = run & 1, run >= 2
@@ -165,16 +174,29 @@ def _draw(
                         cosine,
                         felt(bends[i], r, cosine, pixel, slope),
                     )
+                    if flags[i] & EDGE and len(cuts) > 0:
+                        a, b, c = cuts[i, 0], cuts[i, 1], cuts[i, 2]
+                        record[k, 11] = motions[m, 0, 0] * a + motions[m, 0, 1] * b + motions[m, 0, 2] * c
+                        record[k, 12] = motions[m, 1, 0] * a + motions[m, 1, 1] * b + motions[m, 1, 2] * c
+                        record[k, 13] = motions[m, 2, 0] * a + motions[m, 2, 1] * b + motions[m, 2, 2] * c
+                        record[k, 14] = cuts[i, 3]
+                        record[k, 15] = cuts[i, 4] if r >= PIXEL * pixel else FAR
                 sx, sy, pixel, ez = record[k, 0], record[k, 1], record[k, 2], record[k, 3]
                 nx, ny, nz, inverse, bend = record[k, 4], record[k, 5], record[k, 6], record[k, 7], record[k, 10]
                 mark, mine, me, gate = flags[i], np.float32(2 * m + side), np.float32(min(k, _EXACT)), BLEND * r
                 red, green, blue = np.float32(colors[i, 0]), np.float32(colors[i, 1]), np.float32(colors[i, 2])
                 small, creased = r < PIXEL * pixel, creased or mark & CREASE != 0
-                for y in range(y0, y1, STRIDE):
+                narrow = whole and x1 - x0 <= _FOUR
+                for y in range(y0, y1, _TWO_ROWS if narrow else STRIDE):
                     stop = begins[y + x1]
                     for start in range(begins[y + x0], stop, LANES):
-                        at = np.uint64(start)
-                        x, row_y = load(xs, at), load(ys, at)
+                        at, number, others = np.uint64(start), stop - start, stop - start - LANES // 2
+                        beside = at + _FOUR
+                        if narrow:  # four pixels of this row and four of the next; there is room behind the last
+                            beside, others = np.uint64(count), 0
+                            if y + STRIDE < y1:
+                                beside, others = np.uint64(begins[y + STRIDE + x0]), number
+                        x, row_y = load_fours(xs, at, beside), load_fours(ys, at, beside)
                         u, z, qx, qy, qz = fragment(
                             x, row_y, sx, sy, pixel, ez, nx, ny, nz, inverse, bend, slope, cx, cy
                         )
@@ -184,39 +206,102 @@ def _draw(
                             inside = u < _ONE
                             u = pick(inside, u, in_pixels(x, row_y, sx, sy))
                             z = pick(inside, z, ez)
-                        known = load(grid, at)
+                        known = load_fours(grid, at, beside)
                         if not blend:
                             hit = (u < _ONE) & (z < known)
                             if some(hit):
-                                store(grid, at, pick(hit, z, known))
-                                store(grid, best + at, pick(hit, me, load(grid, best + at)))
-                                store(grid, label + at, pick(hit, mine, load(grid, label + at)))
+                                store_fours(grid, at, beside, pick(hit, z, known))
+                                store_fours(
+                                    grid,
+                                    best + at,
+                                    best + beside,
+                                    pick(hit, me, load_fours(grid, best + at, best + beside)),
+                                )
+                                store_fours(
+                                    grid,
+                                    label + at,
+                                    label + beside,
+                                    pick(hit, mine, load_fours(grid, label + at, label + beside)),
+                                )
                             continue
                         over = z - known  # what lies beyond the run's end belongs to the next row, and is met there
-                        same = (u < _ONE) & (over <= gate) & (load(grid, label + at) == mine)
-                        same = same & (ramp() < np.float32(stop - start))
+                        same = (u < _ONE) & (over <= gate) & (load_fours(grid, label + at, label + beside) == mine)
+                        lane = ramp()
+                        free = pick(
+                            lane < _HALF_LANES, lane - np.float32(number), lane - np.float32(others + LANES // 2)
+                        )
+                        same = same & (free < _ZERO)
                         if not some(same):
                             continue
                         weight = pick(same, (_ONE - u) * (_ONE - u) + LEAST, _ZERO)
                         if creased:  # blend nothing over a sharp edge with what is nearest
                             cosine = (
-                                nx * load(grid, on_x + at) + ny * load(grid, on_y + at) + nz * load(grid, on_z + at)
+                                nx * load_fours(grid, on_x + at, on_x + beside)
+                                + ny * load_fours(grid, on_y + at, on_y + beside)
+                                + nz * load_fours(grid, on_z + at, on_z + beside)
                             )
                             if mark & CREASE:
                                 weight = pick(cosine < ALIKE, _ZERO, weight)
                             else:
-                                weight = pick(cosine < load(grid, sharp + at), _ZERO, weight)
-                        store(grid, weights + at, load(grid, weights + at) + weight)
-                        store(grid, behind + at, load(grid, behind + at) + weight * pick(same, over, _ZERO))
-                        store(grid, at_x + at, load(grid, at_x + at) + weight * nx)
-                        store(grid, at_y + at, load(grid, at_y + at) + weight * ny)
-                        store(grid, at_z + at, load(grid, at_z + at) + weight * nz)
+                                weight = pick(cosine < load_fours(grid, sharp + at, sharp + beside), _ZERO, weight)
+                        store_fours(
+                            grid,
+                            weights + at,
+                            weights + beside,
+                            load_fours(grid, weights + at, weights + beside) + weight,
+                        )
+                        store_fours(
+                            grid,
+                            behind + at,
+                            behind + beside,
+                            load_fours(grid, behind + at, behind + beside) + weight * pick(same, over, _ZERO),
+                        )
+                        store_fours(
+                            grid, at_x + at, at_x + beside, load_fours(grid, at_x + at, at_x + beside) + weight * nx
+                        )
+                        store_fours(
+                            grid, at_y + at, at_y + beside, load_fours(grid, at_y + at, at_y + beside) + weight * ny
+                        )
+                        store_fours(
+                            grid, at_z + at, at_z + beside, load_fours(grid, at_z + at, at_z + beside) + weight * nz
+                        )
                         if mark & PAINTED:
-                            store(grid, at_red + at, load(grid, at_red + at) + weight * red)
-                            store(grid, at_green + at, load(grid, at_green + at) + weight * green)
-                            store(grid, at_blue + at, load(grid, at_blue + at) + weight * blue)
+                            store_fours(
+                                grid,
+                                at_red + at,
+                                at_red + beside,
+                                load_fours(grid, at_red + at, at_red + beside) + weight * red,
+                            )
+                            store_fours(
+                                grid,
+                                at_green + at,
+                                at_green + beside,
+                                load_fours(grid, at_green + at, at_green + beside) + weight * green,
+                            )
+                            store_fours(
+                                grid,
+                                at_blue + at,
+                                at_blue + beside,
+                                load_fours(grid, at_blue + at, at_blue + beside) + weight * blue,
+                            )
                         if mark & EDGE:
-                            store(grid, doubt + at, load(grid, doubt + at) + weight)
+                            store_fours(
+                                grid, doubt + at, doubt + beside, load_fours(grid, doubt + at, doubt + beside) + weight
+                            )
+                            if len(cuts) > 0:
+                                rise = record[k, 11] * qx + record[k, 12] * qy + record[k, 13] * qz + record[k, 14]
+                                store_fours(
+                                    grid,
+                                    above + at,
+                                    above + beside,
+                                    load_fours(grid, above + at, above + beside) + weight * pick(same, rise, _ZERO),
+                                )
+                                store_fours(
+                                    grid,
+                                    off + at,
+                                    off + beside,
+                                    load_fours(grid, off + at, off + beside) + weight * record[k, 15],
+                                )
             if run == 0:
                 farthest = -_INF
                 for k in range(np.uint64(count)):
@@ -241,6 +326,8 @@ def _draw(
                 continue
             if grid[doubt + k] > _ZERO:
                 state[p] = UNSURE
+                if len(cuts) > 0 and abs(grid[above + k]) > grid[off + k]:
+                    state[p] = SURE if grid[above + k] > _ZERO else AWAY
             mean = _ONE / weight
             depth[p], out_leaf[p], out_row[p] = grid[k] + grid[behind + k] * mean, leaf[i], row[i]
             nx, ny, nz = grid[at_x + k], grid[at_y + k], grid[at_z + k]

@@ -15,6 +15,7 @@ from surfel.rendering.camera import Camera, as_size
 from surfel.rendering.fragments import Fragments
 from surfel.rendering.frame import Frame
 from surfel.rendering.image import Image
+from surfel.rendering.overlay import curves_of, draw_over
 from surfel.rendering.places import Places
 from surfel.rendering.reference import Reference
 from surfel.rendering.scene import Scene
@@ -38,6 +39,7 @@ def render(
     smooth: bool = True,
     method: str = "blend",
     reference: bool = False,
+    curve: bool = False,
 ) -> Image:
     """Take a picture of shapes, of trees of shapes, or of several of these together.
 
@@ -65,6 +67,9 @@ def render(
         kept or dropped as a whole and blended as textured squares in two passes (Gaal, sec. 7).
     reference : bool
         Cast every line of sight through the tree, clouds included: slow, and what the others are compared with.
+    curve : bool
+        Draw over the picture where the operands meet, hidden parts left out: of results of :func:`surfel.combine`, and
+        of trees, which are combined for that, once.
 
     Returns
     -------
@@ -74,7 +79,8 @@ def render(
     Raises
     ------
     InputError
-        If something is no shape, the shapes have no end and there is no camera, or an argument is out of its range.
+        If something is no shape, the shapes have no end and there is no camera, an argument is out of its range, or
+        there is no curve to draw.
 
     Notes
     -----
@@ -100,6 +106,9 @@ def render(
     frame = _frame(scene, camera, (width, height), method, reference)
     seen = frame.grid()
     pixels = _developed(frame, seen, ground, smooth)
+    if curve:
+        depth = seen.depth.astype(np.float64).reshape(height, width) + frame.middle
+        draw_over(pixels, depth, camera, curves_of(shapes))
     spent = time.perf_counter() - started - (compile_seconds() - compiled)
     return Image(pixels, camera, seen, frame.middle, spent)
 

@@ -208,4 +208,5 @@ def _disks(splats: Splats, leaf: int, kept: Survivors) -> Disks:
         clips.astype(np.int32),
         planes.astype(np.float32).reshape(-1, 4),
         axes.astype(np.float32),
+        kept.cuts.astype(np.float32),
     )

@@ -70,11 +70,11 @@ class Splats:
     def __len__(self) -> int:
         return len(self.radii)
 
-    def places(self, rows: NDArray[np.int64] | slice = _ALL) -> Floats:
+    def places(self, rows: NDArray[np.integer[Any]] | slice = _ALL) -> Floats:
         """Return where some surfels lie in the world."""
         return np.asarray(self.index.points[rows] @ self.pose[:, :3].T + self.pose[:, 3])
 
-    def upright(self, rows: NDArray[np.int64] | slice = _ALL) -> Floats:
+    def upright(self, rows: NDArray[np.integer[Any]] | slice = _ALL) -> Floats:
         """Return their normals in the world."""
         return np.asarray(self.normals[rows] @ self.pose[:, :3].T)
 

@@ -7,7 +7,7 @@ that is built anew over the same leaves, or with one leaf moved, only what has c
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -19,6 +19,7 @@ from surfel.core.errors import InputError
 from surfel.inside.classes import IN, ON_OPPOSED, ON_SAME
 from surfel.rendering.asking import asked
 from surfel.rendering.bits import Beside, Bits, survival
+from surfel.rendering.cuts import FAR, RING, cut_planes, ring
 from surfel.rendering.splats import AROUND, Splats, splats_of
 from surfel.shapes.base import Shape
 from surfel.shapes.surfels import Surfels
@@ -27,8 +28,6 @@ from surfel.shapes.tree import Tree
 if TYPE_CHECKING:
     from surfel.rendering.scene import Item
 
-_CORNERS = 6
-_RING = 1.16  # a polygon of so many corners on this circle holds the disk
 _COMMON = 0.99  # share of the radii that a classifier is asked to reach for; larger disks count as near
 
 
@@ -38,11 +37,13 @@ class Survivors(NamedTuple):
     rows: NDArray[np.int64]
     edge: Booleans
     """Of these, which a cut may pass."""
+    cuts: Floats
+    """And where, as :func:`surfel.rendering.cuts.cut_planes` tells it, shape (m, 5); (0, 5) where that is not known."""
 
     @classmethod
     def all(cls, count: int) -> Survivors:
         """Return that everything is seen."""
-        return cls(np.arange(count), np.zeros(count, np.bool_))
+        return cls(np.arange(count), np.zeros(count, np.bool_), np.empty((0, 5)))
 
 
 _pairs: WeakKeyDictionary[Surfels, WeakKeyDictionary[Shape, Beside]] = WeakKeyDictionary()
@@ -62,9 +63,33 @@ def survivors_of(item: Item, leaf: int) -> Survivors:
             beside[id(other)] = (
                 Beside.constant(False, len(splats)) if k in rule.sheets else _beside(cloud, splats, other)
             )
-    surely, perhaps = survival(tree, cloud, beside, len(splats), sheet=leaf in rule.sheets)
+    sheet = leaf in rule.sheets
+    surely, perhaps = survival(tree, cloud, beside, len(splats), sheet=sheet)
     rows = np.flatnonzero(surely | perhaps)
-    return Survivors(rows, perhaps[rows])
+    return Survivors(rows, perhaps[rows], _cuts(tree, cloud, splats, beside, perhaps, sheet)[rows])
+
+
+def _cuts(
+    tree: Tree, cloud: Surfels, splats: Splats, beside: Mapping[int, Beside], perhaps: Booleans, sheet: bool
+) -> Floats:
+    """Return where disks are cut that the surface of one other cloud passes, and of no other leaf."""
+    count = len(splats)
+    cuts = np.zeros((count, 5))
+    cuts[:, 4] = FAR
+    unknown = {name: bits.below.must != bits.below.may for name, bits in beside.items()}
+    passing = np.sum([*unknown.values(), np.zeros(count)], axis=0)
+    for other in tree.leaves:
+        mine = perhaps & (passing == 1) & unknown.get(id(other), False)
+        if not isinstance(other, Surfels) or not mine.any():
+            continue
+        outside, inside = (
+            survival(tree, cloud, {**beside, id(other): Beside.constant(value, count)}, count, sheet=sheet).surely
+            for value in (False, True)
+        )
+        rows, there = np.flatnonzero(mine & (outside != inside)), splats_of(other)
+        if len(rows) and there is not None:
+            cuts[rows] = cut_planes(splats, rows, there, np.where(inside[rows], 1.0, -1.0))
+    return cuts
 
 
 def _beside(cloud: Surfels, splats: Splats, other: Shape) -> Beside:
@@ -112,7 +137,7 @@ def _in_solid(splats: Splats, other: Shape) -> Beside:
         box = np.asarray(other.bounds)
     except InputError:  # a mesh without triangles
         return Beside.constant(False, n)
-    wide = _RING * splats.radii[:, None]
+    wide = RING * splats.radii[:, None]
     some = np.flatnonzero(((points >= box[0] - wide) & (points <= box[1] + wide)).all(axis=1))
     if not len(some):
         return Beside.constant(False, n)
@@ -126,23 +151,11 @@ def _parted(
     splats: Splats, rows: NDArray[np.int64], inside: Booleans, contains: Callable[[Floats], Booleans]
 ) -> Booleans:
     """Tell of some disks whether their centres and a ring of places round them lie on both sides of a surface."""
-    points, wide = splats.places(rows), _RING * splats.radii[rows, None]
-    u, v = frames(splats.upright(rows))
     parted = np.zeros(len(rows), np.bool_)
-    for angle in 2.0 * np.pi / _CORNERS * np.arange(_CORNERS):
-        parted |= contains(points + wide * (np.cos(angle) * u + np.sin(angle) * v)) != inside
+    for places in ring(splats, rows):
+        parted |= contains(places) != inside
     return parted
 
 
 def _bits(inside: Booleans, near: Booleans) -> Bits:
     return Bits(inside & ~near, inside | near)
-
-
-def frames(normals: Floats) -> tuple[Floats, Floats]:
-    """Return two unit vectors across each normal (Duff et al., as in :func:`surfel._vec.tangent_frame`)."""
-    x, y, z = normals.T
-    sign = np.where(z >= 0.0, 1.0, -1.0)
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    first = np.column_stack([1.0 + sign * x * x * a, sign * b, -sign * x])
-    return first, np.column_stack([b, sign + y * y * a, -y])
