@@ -8,12 +8,12 @@ import pytest
 import surfel
 from surfel._numba import kernel
 from surfel.bounding.candidates import Rows
-from surfel.bounding.energy import energy
+from surfel.bounding.energy import Tether, energy
 from surfel.bounding.evaluate import values
 from surfel.bounding.frame import rotation_onto
-from surfel.bounding.interior import Walk, band_times
+from surfel.bounding.interior import Walk
 from surfel.bounding.iterated import Products, _Grid, conjugate_gradients, start_coarse, upper_by_steps
-from surfel.bounding.normal import unknowns_of
+from surfel.bounding.normal import PAD, unknowns_of
 from surfel.bounding.passes import survey
 from surfel.bounding.reference import STRETCHING, least_squares
 from surfel.bounding.runs import dot_run
@@ -70,8 +70,24 @@ def test_the_energy_without_a_matrix_is_that_of_the_matrix(shape, boundary):
     unknowns = unknowns_of(shape, boundary)
     grid = _Grid(unknowns, Products.of(unknowns).shape)
     x = RNG.standard_normal(unknowns.size)
-    assert np.abs(grid.energy(x, 0.3) - band_times(energy(unknowns, 0.3, 0.0), x)).max() < 1e-10
+    full = dense(energy(unknowns, 0.3, 0.0))
+    assert np.abs(grid.energy(x, 0.3) - full @ x).max() < 1e-10
     assert STRETCHING < 1e-10
+    pull = RNG.standard_normal(unknowns.size)
+    tether = Tether(unknowns, 0.3, 0.5, pull)
+    assert np.abs(dense(tether.matrix()) - full - 0.5 * np.eye(unknowns.size)).max() < 1e-13
+    assert np.abs(tether.force(x) - (pull - 0.5 * x - full @ x)).max() < 1e-10
+    loose = tether.loosened(0.1, x)
+    assert np.abs(loose.force(x)).max() < 1e-14 and (loose.bending, loose.price) == (0.1 * 0.3, 0.1 * 0.5)
+
+
+def dense(band):
+    size, width = band.shape[0], band.shape[1] - 1 - PAD
+    full = np.zeros((size, size))
+    for i in range(size):
+        for c in range(max(0, width - i), width + 1):
+            full[i, i - width + c] = full[i - width + c, i] = band[i, c]
+    return full
 
 
 def hilly(uv, size):
@@ -122,12 +138,10 @@ def test_constraints_may_join_and_leave_on_the_way():
     dense = np.stack([rows.times(unit) for unit in np.eye(unknowns.size)], axis=1)
     cost, level = dense.mean(axis=0), float(z.mean())
     least = linprog(cost, A_ub=-dense, b_ub=-z, bounds=(-30.0, 30.0), method="highs").fun
-    quadratic = energy(unknowns, 0.0, 1e-9)
+    tether = Tether(unknowns, 0.0, 1e-9, np.zeros(unknowns.size))
     some = np.arange(600) % 3 > 0
     center = np.full(unknowns.size, 1.0)
-    walk = Walk(
-        rows.chosen(some), z[some], cost, level, quadratic, np.zeros(unknowns.size), center, np.full(400, 1 / 400)
-    )
+    walk = Walk(rows.chosen(some), z[some], cost, level, tether, center, np.full(400, 1 / 400))
     while walk.left() > 0.05:
         assert walk.step()
     walk.drop(0.05)

@@ -7,6 +7,7 @@ import pytest
 from scipy.interpolate import NdBSpline
 
 from surfel._numba import threads_for
+from surfel.bounding.buckets import Buckets, room_of
 from surfel.bounding.candidates import Rows
 from surfel.bounding.certify import Lead, largest_gap, slack_of, violations
 from surfel.bounding.corners import corners_of, over_corners
@@ -16,7 +17,6 @@ from surfel.bounding.frame import frame_over, rotation_onto
 from surfel.bounding.gather import gather
 from surfel.bounding.normal import PAD, factorize, solve, unknowns_of
 from surfel.bounding.occupancy import WHOLE, trimmed_values
-from surfel.bounding.order import Order
 from surfel.bounding.passes import keep_highest, no_points, survey
 from surfel.bounding.residuals import keep_residuals, no_residuals
 from surfel.bounding.source import Source
@@ -84,48 +84,55 @@ def test_blocks_of_points_give_the_very_values_of_the_kernel(count):
     assert (largest == seen.largest).all()
     other = RNG.standard_normal((9, 8))
     assert seen.mean_value(other) == pytest.approx(values(other, uv).mean(), abs=1e-12)
-    order = Order.of(count, frame)
-    again = no_residuals(frame, 4)
-    keep_residuals(again, points, frame, c, -1.0, order, weigh=False)  # sorts the points
-    known = no_residuals(frame, 4)
-    keep_residuals(known, points, frame, c, -1.0, order)  # takes them in the order that was found
+    counts = np.zeros(seen.count.shape, np.int64)
+    np.add.at(counts, (micro[:, 0], micro[:, 1]), 1)
+    assert (counts == seen.count).all()
+    again, buckets = no_residuals(frame, 4), Buckets.of(count, 30)
+    keep_residuals(again, points, frame, c, -1.0, buckets, weigh=False)
     for name in ("largest", "smallest", "uv", "height", "count", "occupancy", "total"):
-        assert (getattr(seen, name) == getattr(again, name)).all() and (
-            getattr(seen, name) == getattr(known, name)
-        ).all()
-    assert (seen.moments == known.moments).all() and not again.moments.any()
+        assert (getattr(seen, name) == getattr(again, name)).all(), name
+    assert not again.moments.any()
+    h, k = np.minimum(uv.astype(int), frame.cells - 1).T
+    assert (buckets.cells == h * frame.cells[1] + k).all()
     filled = np.isfinite(seen.by_cell())
     assert (filled == (seen.occupancy > 0)).all()
     bad, worst = violations(frame, -c, np.full(seen.occupancy.shape, WHOLE, np.uint8), points, "below")
     assert bad == (residual > 0).sum() and worst == max(residual.max(), 0.0)
 
 
-@pytest.mark.parametrize(("count", "block"), [(5, 16_384), (3000, 256), (130_000, 16_384)])
-def test_blocks_are_sorted_by_cell(count, block, monkeypatch):
-    monkeypatch.setattr("surfel.bounding.order.LEAST_BLOCK", block)
-    points = RNG.standard_normal((count, 3))
-    frame = laid(points)
-    uv, _ = frame.to_domain(points)
-    h, k = np.minimum(uv.astype(int), frame.cells - 1).T
-    cell = h * frame.cells[1] + k
-    order = Order.of(count, frame)
-    seen = no_residuals(frame, 4)
-    keep_residuals(seen, points, frame, RNG.standard_normal((9, 8)), 1.0, order)
-    assert seen.points == count
-    for part in range(order.parts):
-        first, last = (count * p // order.parts for p in (part, part + 1))
-        for row, start in enumerate(range(first, last, order.block)):
-            end = min(start + order.block, last)
-            assert sorted(order.rank[start:end]) == list(range(end - start))
-            sizes = np.diff(order.starts[part, row])
-            assert (np.repeat(np.arange(len(sizes)), sizes) == cell[start + order.rank[start:end]]).all()
+@pytest.mark.parametrize("split", [1, 2, 3, 4])
+@pytest.mark.parametrize(("cells", "room"), [(1, 104), (361, 24), (3481, 8), (10**6, 8)])
+def test_buckets_that_fill_at_once_lose_no_point(split, cells, room, monkeypatch):
+    assert room_of(cells) == room
+    monkeypatch.setattr("surfel.bounding.buckets.room_of", lambda cells: room)
+    points = RNG.standard_normal((5003, 3))
+    points[1000:3000] = points[1000] + 1e-3 * RNG.random((2000, 3))  # a run of points in one cell
+    frame, c = laid(points), RNG.standard_normal((9, 8))
+    uv, heights = frame.to_domain(points)
+    seen = no_residuals(frame, split)
+    keep_residuals(seen, points, frame, c, 1.0)
+    residual = heights - values(c, uv)
+    cell = np.minimum(uv.astype(int), frame.cells - 1)
+    micro = split * cell + np.minimum((uv - cell) * split, split - 1).astype(int)
+    largest, count = np.full(seen.largest.shape, -np.inf), np.zeros(seen.count.shape, np.int64)
+    np.maximum.at(largest, (micro[:, 0], micro[:, 1]), residual)
+    np.add.at(count, (micro[:, 0], micro[:, 1]), 1)
+    assert (seen.largest == largest).all() and (seen.count == count).all()
+    smallest = np.full(seen.smallest.shape, np.inf)
+    np.minimum.at(smallest, (cell[:, 0], cell[:, 1]), residual)
+    assert (seen.smallest == smallest).all()
+    at = [np.flatnonzero((micro == place).all(axis=1)) for place in np.argwhere(count > 0)]
+    worst = np.array([some[np.argmax(residual[some])] for some in at])
+    assert np.abs(seen.uv[count > 0] - uv[worst]).max() < 1e-14 and (seen.height[count > 0] == heights[worst]).all()
+    assert seen.mean_value(c) == pytest.approx(values(c, uv).mean(), abs=1e-12)
+    assert seen.total == pytest.approx([heights.sum(), residual.sum()], abs=1e-9)
 
 
 def test_a_surface_is_proven_where_it_leads_by_more_than_the_residuals():
     points = RNG.standard_normal((5000, 3))
     frame, reference = laid(points), RNG.standard_normal((9, 8))
-    seen, order = no_residuals(frame, 4), Order.of(5000, frame)
-    keep_residuals(seen, points, frame, reference, 1.0, order)
+    seen, of = no_residuals(frame, 4), Buckets.of(5000, 30)
+    keep_residuals(seen, points, frame, reference, 1.0, of)
     uv, heights = frame.to_domain(points)
     cells = np.minimum(uv.astype(int), frame.cells - 1)
     lift = seen.largest.max()
@@ -136,7 +143,7 @@ def test_a_surface_is_proven_where_it_leads_by_more_than_the_residuals():
     assert (low < over).all() and (over < high).all() and (high - low).max() < 0.31
     assert (lead.shortfall() < 0.0).all()
     gaps = values(surface, uv) - heights
-    assert largest_gap(lead, surface, frame, points, 1.0, order) == gaps.max()
+    assert largest_gap(lead, surface, frame, points, 1.0, of.cells) == gaps.max()
     assert seen.mean_gap(surface, reference) == pytest.approx(gaps.mean(), abs=1e-12)
     assert lead.gap_limits().max() >= gaps.max()
     # without a margin for rounding nothing is proven: a surface that just touches the worst point falls short there

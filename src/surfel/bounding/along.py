@@ -1,63 +1,91 @@
 """A spline along a line in one cell: a polynomial of degree six, by its Bernstein coefficients.
 
-They come from blossoms of the B-spline weights at the ends of the line's piece in the cell. Everything here is called
-by kernels alone.
+They come from blossoms of the B-spline weights at the ends of the line's piece in the cell, by whole vectors.
 """
 
 from __future__ import annotations
 
-from surfel._numba import inlined, inner
+from typing import Any
+
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+
+from surfel.bounding.vectors import EIGHT, F64, FOUR, I32, I64, Flat, Lanes, fused, pick, pick_of_two
+
+_BELOW = [1.0, 1.0 / 6.0, 1.0 / 15.0, 1.0 / 20.0, 1.0 / 15.0, 1.0 / 6.0, 1.0, 0.0]
+"""One over the binomial coefficients of degree six, and a last place of no use."""
 
 
-@inlined
-def blossom(r, s, t, column, weights):
-    """Write the weights of four B-spline coefficients in the blossom of their cell at (r, s, t) (de Boor)."""
-    third = 1.0 / 3.0  # products: divisions would take most of the time
-    a1, a2 = (1.0 - r) * third, (2.0 + r) * third
-    b1, b2 = (2.0 - r) * third, (1.0 + r) * third
-    c1, c2 = (3.0 - r) * third, r * third
-    p1, p2 = 0.5 * (1.0 - s) * (1.0 - t), 0.5 * (1.0 + s) * (1.0 - t)
-    q1, q2 = 0.5 * (2.0 - s) * t, 0.5 * s * t
-    weights[0, column] = p1 * a1
-    weights[1, column] = p1 * a2 + (p2 + q1) * b1
-    weights[2, column] = (p2 + q1) * b2 + q2 * c1
-    weights[3, column] = q2 * c2
-
-
-@inner
-def blossoms(a, b, weights):
-    """Write the weights of four B-spline coefficients in the four Bernstein coefficients on [a, b] of their cell."""
-    blossom(a, a, a, 0, weights)
-    blossom(a, a, b, 1, weights)
-    blossom(a, b, b, 2, weights)
-    blossom(b, b, b, 3, weights)
-
-
-@inner
-def restrict(coefficients, h, k, weights_u, weights_v, w0, w1, c):
+@intrinsic
+def restrict(typing, b, place, width, a0, a1, b0, b1, w0, w1, c):  # type: ignore[no-untyped-def]
     """Write the Bernstein coefficients of the spline minus the height of the line, along the line in one cell.
 
-    The product of the Bernstein polynomials i and j of degree three is C(3, i) C(3, j) / C(6, i + j) times that of
-    degree six and number i + j.
+    The 16 coefficients of the cell begin at ``place`` in the flat ``b``, in rows of ``width``. The line runs from
+    (a0, b0) to (a1, b1) in local coordinates and from w0 to w1 in height. The product of the Bernstein polynomials i
+    and j of degree three is C(3, i) C(3, j) / C(6, i + j) times that of degree six and number i + j. ``c`` has room for
+    eight.
     """
-    for i in range(7):
-        c[i] = 0.0
-    for j in range(4):
-        r0, r1, r2, r3 = 0.0, 0.0, 0.0, 0.0
-        for q in range(4):
-            wv = weights_v[q, j]
-            r0 += coefficients[h, k + q] * wv
-            r1 += coefficients[h + 1, k + q] * wv
-            r2 += coefficients[h + 2, k + q] * wv
-            r3 += coefficients[h + 3, k + q] * wv
-        many = 3.0 if 0 < j < 3 else 1.0
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        flat, out = (Flat(context, builder, signature.args[i], values[i]) for i in (0, 9))
+        _, place, width, a0, a1, b0, b1, w0, w1, _ = values
+        weights = _blossoms(builder, a0, a1, b0, b1)
+        along_v = [pick(builder, weight.value, [4, 5, 6, 7]) for weight in weights]
+        rows = []
+        for _ in range(4):
+            total = None
+            for q in range(4):
+                number = flat.number(builder.add(place, ir.Constant(I64, q)))
+                number = _four(builder, [number])
+                total = builder.fmul(number, along_v[q]) if total is None else fused(builder, number, along_v[q], total)
+            rows.append(total)
+            place = builder.add(place, width)
+        sums = Lanes(builder, _constant([0.0] * 8))
         for i in range(4):
-            value = r0 * weights_u[0, i] + r1 * weights_u[1, i] + r2 * weights_u[2, i] + r3 * weights_u[3, i]
-            c[i + j] += many * (3.0 if 0 < i < 3 else 1.0) * value
-    c[1] *= 1.0 / 6.0
-    c[2] *= 1.0 / 15.0
-    c[3] *= 1.0 / 20.0
-    c[4] *= 1.0 / 15.0
-    c[5] *= 1.0 / 6.0
-    for i in range(7):
-        c[i] -= w0 + (w1 - w0) * (i * (1.0 / 6.0))
+            column = None
+            for p in range(4):
+                weight = pick(builder, weights[p].value, [i] * 4)
+                column = builder.fmul(weight, rows[p]) if column is None else fused(builder, weight, rows[p], column)
+            many = 3.0 if 0 < i < 3 else 1.0
+            column = builder.fmul(column, ir.Constant(FOUR, [ir.Constant(F64, many * x) for x in (1.0, 3.0, 3.0, 1.0)]))
+            lanes = [j - i if 0 <= j - i < 4 else 4 for j in range(8)]
+            placed = Lanes(builder, pick_of_two(builder, column, ir.Constant(FOUR, [ir.Constant(F64, 0.0)] * 4), lanes))
+            sums = sums + placed
+        start, end = (Lanes(builder, pick(builder, _four(builder, [w]), [0] * 8)) for w in (w0, w1))
+        height = (end - start) * Lanes(builder, _constant([i / 6.0 for i in range(8)])) + start
+        out.put(0, sums * Lanes(builder, _constant(_BELOW)) - height)
+        return context.get_dummy_value()
+
+    f, i = types.float64, types.int64
+    return types.void(b, i, i, f, f, f, f, f, f, c), generate
+
+
+def _blossoms(builder: Any, a0: Any, a1: Any, b0: Any, b1: Any) -> list[Lanes]:
+    """Return the weights of four B-spline coefficients in the four Bernstein coefficients on [a0, a1] and on [b0, b1].
+
+    They are blossoms at (a0, a0, a0), (a0, a0, a1), (a0, a1, a1), (a1, a1, a1) (de Boor), those of u before those of v.
+    """
+    ends = _four(builder, [a0, a1, b0, b1])
+    r, s, t = (
+        Lanes(builder, pick(builder, ends, lanes))
+        for lanes in ([0, 0, 0, 1, 2, 2, 2, 3], [0, 0, 1, 1, 2, 2, 3, 3], [0, 1, 1, 1, 2, 3, 3, 3])
+    )
+    third = 1.0 / 3.0
+    a, b, c = (1.0 - r) * third, (2.0 - r) * third, (3.0 - r) * third
+    p1, p2 = (1.0 - s) * (1.0 - t) * 0.5, (1.0 + s) * (1.0 - t) * 0.5
+    q1, q2 = (2.0 - s) * t * 0.5, s * t * 0.5
+    middle = p2 + q1
+    return [p1 * a, p1 * (1.0 - a) + middle * b, middle * (1.0 - b) + q2 * c, q2 * (1.0 - c)]
+
+
+def _four(builder: Any, numbers: list[Any]) -> Any:
+    """Return four lanes of four numbers, or of one."""
+    value = ir.Constant(FOUR, ir.Undefined)
+    for lane, number in enumerate(numbers):
+        value = builder.insert_element(value, number, ir.Constant(I32, lane))
+    return value if len(numbers) > 1 else pick(builder, value, [0] * 4)
+
+
+def _constant(eight: list[float]) -> Any:
+    return ir.Constant(EIGHT, [ir.Constant(F64, x) for x in eight])

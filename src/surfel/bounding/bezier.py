@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from surfel._numba import kernel
+from surfel.bounding.lanes import larger
 from surfel.core.cast import Floats
 
 ROUNDING = 32.0 * float(np.finfo(np.float64).eps)
@@ -90,9 +92,10 @@ def cell_bounds(coefficients: Floats) -> tuple[Floats, Floats]:
     >>> bool(low[0, 0] < 6.0 < 12.0 < high[0, 0] < 12.1)
     True
     """
-    slack = ROUNDING * largest_of_cells(np.abs(coefficients))
-    net = _joint_net(coefficients)
-    return -over_windows(-net, 4, 3) - slack, over_windows(net, 4, 3) + slack
+    n, m = coefficients.shape
+    low, high = np.empty((n - 3, m - 3)), np.empty((n - 3, m - 3))
+    _cell_bounds(np.ascontiguousarray(coefficients), low, high)
+    return low, high
 
 
 def largest_of_cells(per_coefficient: Floats) -> Floats:
@@ -100,22 +103,53 @@ def largest_of_cells(per_coefficient: Floats) -> Floats:
     return over_windows(per_coefficient, 4)
 
 
-def _joint_net(coefficients: Floats) -> Floats:
-    """Return the Bezier coefficients of all cells as one grid, (3 n - 2, 3 m - 2): neighbours share an edge."""
-    grid = coefficients
-    for _ in range(2):
-        c = grid.T
-        grid = np.empty((3 * len(c) - 8, c.shape[1]))
-        grid[0::3] = (c[:-2] + 4.0 * c[1:-1] + c[2:]) / 6.0
-        grid[1::3] = (2.0 * c[1:-2] + c[2:-1]) / 3.0
-        grid[2::3] = (c[1:-2] + 2.0 * c[2:-1]) / 3.0
-    return grid
-
-
 def over_windows(grid: Floats, size: int, step: int = 1) -> Floats:
     """Return the largest number in windows of a size that begin at every step-th place in both directions."""
-    for _ in range(2):
-        count = (len(grid) - size) // step + 1
-        rows = [grid[i : i + step * (count - 1) + 1 : step] for i in range(size)]
-        grid = np.maximum.reduce(rows).T
-    return np.ascontiguousarray(grid)
+    n, m = ((side - size) // step + 1 for side in grid.shape)
+    out, half = np.empty((n, m)), np.empty((n, grid.shape[1]))
+    _over_windows(np.ascontiguousarray(grid), np.int64(size), np.int64(step), half, out)
+    return out
+
+
+def framed(grid: Floats, wide: int, value: float) -> Floats:
+    """Return a grid with more places on all sides that hold a value."""
+    out = np.full((grid.shape[0] + 2 * wide, grid.shape[1] + 2 * wide), value)
+    out[wide:-wide, wide:-wide] = grid
+    return out
+
+
+@kernel
+def _over_windows(grid, size, step, half, out):
+    for i in range(half.shape[0]):
+        half[i] = grid[i * step]
+        for more in range(1, size):
+            for j in range(half.shape[1]):
+                half[i, j] = larger(half[i, j], grid[i * step + more, j])
+        for j in range(out.shape[1]):
+            most = half[i, j * step]
+            for more in range(1, size):
+                most = larger(most, half[i, j * step + more])
+            out[i, j] = most
+
+
+@kernel
+def _cell_bounds(b, low, high):
+    along = np.empty((4, 4))
+    for h in range(low.shape[0]):
+        for k in range(low.shape[1]):
+            size = 0.0
+            for j in range(4):
+                b0, b1, b2, b3 = b[h, k + j], b[h + 1, k + j], b[h + 2, k + j], b[h + 3, k + j]
+                size = larger(size, larger(larger(abs(b0), abs(b1)), larger(abs(b2), abs(b3))))
+                along[0, j] = (b0 + 4.0 * b1 + b2) / 6.0
+                along[1, j] = (2.0 * b1 + b2) / 3.0
+                along[2, j] = (b1 + 2.0 * b2) / 3.0
+                along[3, j] = (b1 + 4.0 * b2 + b3) / 6.0
+            least, most = np.inf, -np.inf
+            for i in range(4):
+                b0, b1, b2, b3 = along[i, 0], along[i, 1], along[i, 2], along[i, 3]
+                p0, p1 = (b0 + 4.0 * b1 + b2) / 6.0, (2.0 * b1 + b2) / 3.0
+                p2, p3 = (b1 + 2.0 * b2) / 3.0, (b1 + 4.0 * b2 + b3) / 6.0
+                most = larger(most, larger(larger(p0, p1), larger(p2, p3)))
+                least = -larger(-least, larger(larger(-p0, -p1), larger(-p2, -p3)))
+            low[h, k], high[h, k] = least - ROUNDING * size, most + ROUNDING * size

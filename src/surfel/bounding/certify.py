@@ -16,14 +16,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from surfel._numba import kernel
-from surfel.bounding.bezier import cell_bounds, largest_of_cells, over_windows
-from surfel.bounding.compare import AXIS_Z, BLOCK, CONSTANTS, RESIDUAL, ROWS, SPLIT, SUMS, WIDE, compare_eight
+from surfel.bounding.bezier import cell_bounds, framed, largest_of_cells, over_windows
 from surfel.bounding.evaluate import value_at
 from surfel.bounding.frame import Frame, project
 from surfel.bounding.occupancy import Quarters, inside_trim
-from surfel.bounding.order import Order, set_cell
 from surfel.bounding.residuals import Residuals
 from surfel.core.cast import Floats
 
@@ -79,27 +78,22 @@ class Lead:
         return np.asarray(self.high - self.residuals.smallest)
 
 
-def largest_gap(lead: Lead, surface: Floats, frame: Frame, points: Floats, sign: float, order: Order) -> float:
-    """Return the largest gap between points and a surface above them.
+def largest_gap(
+    lead: Lead, surface: Floats, frame: Frame, points: Floats, sign: float, cells: NDArray[np.int32]
+) -> float:
+    """Return the largest gap between points, whose cells are given, and a surface above them.
 
-    Cells are taken by falling bounds on their gaps, and their points evaluated, until no cell that is left can have a
-    larger one.
+    Points are evaluated where the bound on the gaps of their cell exceeds the largest that is known: first those of one
+    cell, and mostly that is all.
     """
-    limits = lead.gap_limits().ravel()
-    cells = np.argsort(-limits)
-    return float(
-        _largest_gap(
-            points,
-            frame.numbers(),
-            surface,
-            float(sign),
-            order.rank,
-            order.starts,
-            np.int64(order.block),
-            cells,
-            limits[cells],
-        )
-    )
+    limits, numbers = lead.gap_limits().ravel(), frame.signed_numbers(sign)
+    cell = int(limits.argmax())
+    largest = float(_largest_gap(points, numbers, surface, np.flatnonzero(cells == cell)))
+    limits[cell] = -np.inf
+    if limits.max() > largest:
+        some = np.flatnonzero((limits > largest)[cells])
+        largest = max(largest, float(_largest_gap(points, numbers, surface, some)))
+    return largest
 
 
 def raised(coefficients: Floats, by_cell: Floats, clamped: bool = False) -> Floats:
@@ -107,12 +101,7 @@ def raised(coefficients: Floats, by_cell: Floats, clamped: bool = False) -> Floa
 
     With ``clamped`` the outermost coefficients stay equal to their neighbours.
     """
-    n, m = by_cell.shape
-    lift = np.zeros(coefficients.shape)
-    for i in range(4):
-        for j in range(4):
-            view = lift[i : i + n, j : j + m]
-            np.maximum(view, by_cell, out=view)
+    lift = over_windows(framed(np.maximum(by_cell, 0.0), 3, 0.0), 4)
     return np.asarray(coefficients + (tied(lift) if clamped else lift))
 
 
@@ -143,34 +132,16 @@ def tied(lift: Floats) -> Floats:
 
 def _around(values: Floats) -> Floats:
     """Return the largest value among all coefficients that share a cell with each: a window of 7 x 7."""
-    wide = np.zeros((values.shape[0] + 6, values.shape[1] + 6))
-    wide[3:-3, 3:-3] = values
-    return over_windows(wide, 7)
+    return over_windows(framed(values, 3, 0.0), 7)
 
 
 @kernel
-def _largest_gap(p, f, b, sign, rank, starts, block, cells, limits):
-    w, marks, sums, c = np.empty(ROWS * BLOCK), np.zeros(BLOCK + 8, np.int32), np.zeros(8 * SUMS), np.empty(CONSTANTS)
-    c[:13] = f[:13]
-    c[AXIS_Z : AXIS_Z + 3] *= sign
-    c[SPLIT] = c[WIDE] = 1.0
-    flat, coefficients, m = p.ravel(), b.ravel(), b.shape[1] - 3
-    largest, parts = -np.inf, starts.shape[0]
-    for number in range(len(cells)):
-        if limits[number] <= largest:
-            break
-        cell = cells[number]
-        set_cell(coefficients, m + 3, cell // m, cell % m, c)
-        for part in range(parts):
-            last = p.shape[0] * (part + 1) // parts
-            for row, first in enumerate(range(p.shape[0] * part // parts, last, block)):
-                begin, end = starts[part, row, cell], starts[part, row, cell + 1]
-                for at in range(begin, end, BLOCK):
-                    here = min(BLOCK, end - at)
-                    for i in range(0, here, 8):
-                        compare_eight(flat, rank, first, at, here, w, i, c, marks, sums)
-                    for i in range(here):
-                        largest = max(largest, -w[RESIDUAL * BLOCK + i])
+def _largest_gap(p, f, b, some):
+    largest = -np.inf
+    for j in range(len(some)):
+        i = some[j]
+        u, v, z = project(f, p[i, 0], p[i, 1], p[i, 2])
+        largest = max(largest, value_at(b, u, v) - z)
     return largest
 
 

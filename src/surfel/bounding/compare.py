@@ -1,9 +1,7 @@
-"""Eight points at a time beside the spline of their cell: places, values, residuals and sums, by whole vectors.
+"""Runs of points beside the spline of their cell: values, residuals and sums, by whole vectors.
 
-The formulas are those of ``frame.project`` and ``evaluate.value_in``, rounded alike: the numbers are the same to the
-last bit. Scratch is one flat array ``w`` of ``ROWS * BLOCK`` numbers, so that the compiler sees that its rows do not
-overlap. What a cell needs lies in a flat array ``c``: the numbers of the frame (its height axis times the sign), and
-from ``NET`` on the 16 coefficients.
+The formulas are those of ``evaluate.value_in``, rounded alike: the numbers are the same to the last bit. What a cell
+needs lies in a flat array ``c``: SPLIT, and from ``NET`` on the 16 coefficients.
 """
 
 from __future__ import annotations
@@ -11,157 +9,115 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba.core import types
+from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+from surfel.bounding.records import part, records
 from surfel.bounding.vectors import (
+    EIGHT,
+    EIGHT_PLACES,
     EIGHT_WHOLE,
+    F64,
+    I8,
     I32,
     I64,
     Flat,
     Lanes,
+    Sum,
     every,
+    halved,
     pick_of_two,
-    three,
+    sums_of,
     whole_eight,
 )
 
-BLOCK = 120
-"""Points that are worked on together: their scratch stays in the first cache. No power of two: the rows would then meet
-in the same few places of that cache."""
-
-ROWS = 4
-LOCAL_U, LOCAL_V, HEIGHT, RESIDUAL = range(ROWS)
-
-AXIS_U, AXIS_V, AXIS_Z, LOW_U, LOW_V, SCALE_U, SCALE_V, CELL_U, CELL_V = 0, 3, 6, 9, 10, 11, 12, 13, 14
-CELLS_U, CELLS_V = 13, 14
-SPLIT, WIDE, NET = 15, 16, 17
+SPLIT, NET = 0, 1
 CONSTANTS = NET + 16
-"""Places in ``c``; in the numbers of a frame those of a cell are the numbers of cells."""
+"""Places in ``c``."""
 
-SUM_Z, SUM_R, LEAST_R = 16, 17, 18
-SUMS = 19
-"""Rows of eight: the 16 products of weights, the heights, the residuals, and the least residual."""
-
-
-@intrinsic
-def cells_of_eight(typing, p, at, f, places, lane):  # type: ignore[no-untyped-def]
-    """Write the cells, counted in rows along v, of the eight points from ``p[at]`` on to ``places[lane]``."""
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        flat, frame, whole = (Flat(context, builder, signature.args[i], values[i]) for i in (0, 2, 3))
-        (h, _), (k, _) = _places(frame, *_columns(builder, flat, values[1]))
-        whole.put_whole(values[4], h.times_plus(frame.one(CELLS_V), k).whole())
-        return context.get_dummy_value()
-
-    return types.void(p, types.int64, f, places, types.int64), generate
+SUM_Z, SUM_R, LEAST_R = 0, 8, 16
+SUMS = 17
+"""Where in the sums of runs stand: heights and residuals, eight each, and the least residual."""
 
 
 @intrinsic
-def micro_cells_of_eight(typing, p, at, f, split, places, w, lane):  # type: ignore[no-untyped-def]
-    """Write micro-cells as :func:`cells_of_eight` does cells, ``split`` a side of each, and heights to ``w[lane]``."""
+def compare_run(typing, run, first, count, c, residuals, marks, many, moments, sums, at):  # type: ignore[no-untyped-def]
+    """Compare the ``count`` points of one cell, at most 120, whose records begin at that of number ``first``.
 
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        flat, frame, whole, out = (Flat(context, builder, signature.args[i], values[i]) for i in (0, 2, 4, 5))
-        split = Lanes(builder, every(builder, values[3]))
-        x, y, z = _columns(builder, flat, values[1])
-        a, b = (cell * split + _part(local, split) for cell, local in _places(frame, x, y, z))
-        whole.put_whole(values[6], (a * (frame.one(CELLS_V) * split) + b).whole())
-        out.put(values[6], _along(frame, AXIS_Z, x, y, z))
-        return context.get_dummy_value()
-
-    i = types.int64
-    return types.void(p, i, f, types.float64, places, w, i), generate
-
-
-@intrinsic
-def place_eight(typing, p, rank, first, at, count, w, lane, c):  # type: ignore[no-untyped-def]
-    """Fill LOCAL_U, LOCAL_V and HEIGHT for eight of the ``count`` points of one cell that are worked on.
-
-    They are those of number ``first + rank[first + at + lane]`` and the seven that follow in ``rank``.
-    """
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        flat, rank, rows, cell = (Flat(context, builder, signature.args[i], values[i]) for i in (0, 1, 5, 7))
-        _placed(flat, rank, values[2], values[3], values[4], rows, values[6], cell)
-        return context.get_dummy_value()
-
-    i = types.int64
-    return types.void(p, rank, i, i, i, w, i, c), generate
-
-
-@intrinsic
-def compare_eight(typing, p, rank, first, at, count, w, lane, c, marks, sums):  # type: ignore[no-untyped-def]
-    """Fill all rows for eight points of one cell, as :func:`place_eight` takes them.
-
-    ``marks[lane]`` is where each point's micro-cell lies, counted from the cell's first in rows of WIDE; in
-    ``marks[BLOCK : BLOCK + 8]`` the quarters of the cell are collected. Rows SUM_Z, SUM_R, LEAST_R of ``sums`` go on.
+    What follows them in the last eight repeats one of them. ``residuals[i]`` and ``marks[i]`` are each point's residual
+    and its micro-cell, counted in rows of SPLIT; ``many`` tells how many points these hold. ``marks[count]``, rounded
+    up to eights, has the quarters of the cell. In ``sums`` SUM_Z and SUM_R go on, LEAST_R is new.
     """
     i = types.int64
-    return types.void(p, rank, i, i, i, w, i, c, marks, sums), _comparison(weigh=False)
+    return types.void(run, i, i, c, residuals, marks, many, moments, sums, i), _comparison(weigh=False)
 
 
 @intrinsic
-def compare_and_weigh_eight(typing, p, rank, first, at, count, w, lane, c, marks, sums):  # type: ignore[no-untyped-def]
-    """Compare, and add the 16 products of six times the weights of the points to rows 0 to 15."""
+def compare_and_weigh_run(typing, run, first, count, c, residuals, marks, many, moments, sums, at):  # type: ignore[no-untyped-def]
+    """Compare, and add the 16 sums of products of six times the weights of the points to ``moments[at]``."""
     i = types.int64
-    return types.void(p, rank, i, i, i, w, i, c, marks, sums), _comparison(weigh=True)
+    return types.void(run, i, i, c, residuals, marks, many, moments, sums, i), _comparison(weigh=True)
 
 
 def _comparison(*, weigh: bool) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        flat, rank, rows, cell, whole, total = (
-            Flat(context, builder, signature.args[i], values[i]) for i in (0, 1, 5, 7, 8, 9)
+        run, c, out, whole, many, moments, total = (
+            Flat(context, builder, signature.args[i], values[i]) for i in (0, 3, 4, 5, 6, 7, 8)
         )
-        lane = values[6]
-        counted, s, t, height = _placed(flat, rank, values[2], values[3], values[4], rows, lane, cell)
-        along_u, along_v = _weights(s), _weights(t)
-        residual = height - _value(cell, along_u, along_v)
-        rows.put(_row(builder, RESIDUAL, lane), residual)
-        a, b = (_part(local, cell.one(SPLIT)) for local in (s, t))
-        whole.put_whole(lane, a.times_plus(cell.one(WIDE), b).whole())
-        whole.put_whole(BLOCK, builder.or_(whole.eight_whole(BLOCK), _quarters(builder, s, t)))
-        total.put(8 * SUM_Z, total.eight(8 * SUM_Z) + height.where(counted, 0.0))
-        total.put(8 * SUM_R, total.eight(8 * SUM_R) + residual.where(counted, 0.0))
-        total.put(8 * LEAST_R, residual.least(total.eight(8 * LEAST_R)))
+        first, count, begin = values[1], values[2], values[9]
+        zero, infinite = (ir.Constant(EIGHT, [ir.Constant(F64, x)] * 8) for x in (0.0, float("inf")))
+        kept = [Sum(builder, start) for start in [zero] * (18 if weigh else 2) + [infinite]]
+        sum_z, sum_r, least = kept[-3:]
+        bits = cgutils.alloca_once_value(builder, ir.Constant(EIGHT_WHOLE, [ir.Constant(I32, 0)] * 8))
+        counts = cgutils.alloca_once_value(builder, whole_eight([0] * 8))
+        rounded = builder.and_(builder.add(count, ir.Constant(I64, 7)), ir.Constant(I64, -8))
+        with cgutils.for_range(builder, builder.ashr(rounded, ir.Constant(I64, 3))) as loop:
+            lane = builder.mul(loop.index, ir.Constant(I64, 8))
+            s, t, height = records(run, builder.add(first, lane))
+            lanes = builder.add(every(builder, lane), whole_eight(list(range(8))))
+            counted = builder.icmp_signed("<", lanes, every(builder, count))
+            along_u, along_v = _weights(s), _weights(t)
+            residual = height - _value(c, along_u, along_v)
+            out.put(lane, residual)
+            a, b = (part(local, c.one(SPLIT)) for local in (s, t))
+            mark = a.times_plus(c.one(SPLIT), b).whole()
+            whole.put_whole(lane, mark)
+            builder.store(builder.or_(builder.load(bits), _quarters(builder, s, t)), bits)
+            # 16 numbers of four bits in each lane: no more than 15 points come into one
+            one = builder.zext(counted, EIGHT_PLACES)
+            shift = builder.shl(builder.zext(mark, EIGHT_PLACES), whole_eight([2] * 8))
+            builder.store(builder.add(builder.load(counts), builder.shl(one, shift)), counts)
+            sum_z.put(sum_z.value + height.where(counted, 0.0))
+            sum_r.put(sum_r.value + residual.where(counted, 0.0))
+            least.put(residual.least(least.value))
+            if weigh:
+                along_v = [weight.where(counted, 0.0) for weight in along_v]
+                for i in range(16):
+                    kept[i].put(along_u[i // 4].times_plus(along_v[i % 4], kept[i].value))
+        quarters = halved(builder, builder.load(bits), builder.or_)
+        builder.store(quarters, builder.gep(whole.data, [rounded]), align=4)
+        builder.store(least.joined(), builder.gep(total.data, [ir.Constant(I64, LEAST_R)]), align=8)
+        many.put_whole(0, _unpacked(builder, builder.load(counts)))
+        for row, more in ((SUM_Z, sum_z), (SUM_R, sum_r)):
+            total.put(row, total.eight(row) + more.value)
         if weigh:
-            along_v = [weight.where(counted, 0.0) for weight in along_v]
-            for i in range(4):
-                for j in range(4):
-                    at = 8 * (4 * i + j)
-                    total.put(at, along_u[i].times_plus(along_v[j], total.eight(at)))
+            for half in (0, 8):
+                place = builder.add(begin, ir.Constant(I64, half))
+                more = sums_of(builder, [k.value.value for k in kept[half : half + 8]])
+                moments.put(place, moments.eight(place) + Lanes(builder, more))
         return context.get_dummy_value()
 
     return generate
 
 
-def _placed(
-    flat: Flat, rank: Flat, first: Any, at: Any, count: Any, rows: Flat, lane: Any, cell: Flat
-) -> tuple[Any, Lanes, Lanes, Lanes]:
-    """Fill the local coordinates and the height for eight points; return which there are, and these three."""
-    builder = rows.builder
-    counted = builder.icmp_signed(
-        "<", builder.add(every(builder, lane), whole_eight(list(range(8)))), every(builder, count)
-    )
-    begin, last = builder.add(first, at), builder.sub(count, ir.Constant(I64, 1))
-    places = []
-    for i in range(8):  # lanes behind the last point repeat it
-        number = builder.add(lane, ir.Constant(I64, i))
-        number = builder.select(builder.icmp_signed("<", number, last), number, last)
-        ranked = builder.load(builder.gep(rank.data, [builder.add(begin, number)]), align=4, typ=I32)
-        places.append(builder.mul(builder.add(first, builder.sext(ranked, I64)), ir.Constant(I64, 3)))
-    x, y, z = (flat.taken([builder.add(place, ir.Constant(I64, axis)) for place in places]) for axis in range(3))
-    s = _place(cell, AXIS_U, LOW_U, SCALE_U, x, y, z) - cell.one(CELL_U)
-    t = _place(cell, AXIS_V, LOW_V, SCALE_V, x, y, z) - cell.one(CELL_V)
-    height = _along(cell, AXIS_Z, x, y, z)
-    for number, lanes in ((LOCAL_U, s), (LOCAL_V, t), (HEIGHT, height)):
-        rows.put(_row(builder, number, lane), lanes)
-    return counted, s, t, height
-
-
-def _row(builder: Any, number: int, lane: Any) -> Any:
-    """Return where the eight lanes from one on lie in a row of scratch."""
-    return builder.add(lane, ir.Constant(I64, number * BLOCK))
+def _unpacked(builder: Any, counts: Any) -> Any:
+    """Return 16 numbers of eight lanes, four bits each, as their sums over the lanes."""
+    bytes_of, mask = ir.VectorType(I8, 8), whole_eight([0x0F0F0F0F0F0F0F0F] * 8)
+    odd = builder.lshr(counts, whole_eight([4] * 8))
+    halves = [halved(builder, builder.and_(lanes, mask), builder.add) for lanes in (counts, odd)]
+    even, odd = (builder.bitcast(half, bytes_of) for half in halves)
+    both = pick_of_two(builder, even, odd, [8 * (i % 2) + i // 2 for i in range(16)])
+    return builder.zext(both, ir.VectorType(I32, 16))
 
 
 def _weights(t: Lanes) -> list[Lanes]:
@@ -187,38 +143,3 @@ def _quarters(builder: Any, s: Lanes, t: Lanes) -> Any:
     bits = [ir.Constant(EIGHT_WHOLE, [ir.Constant(I32, bit)] * 8) for bit in (4, 2, 1, 8)]
     below, early = t.at_most(s), t.at_most(1.0 - s)
     return builder.select(below, builder.select(early, bits[0], bits[1]), builder.select(early, bits[2], bits[3]))
-
-
-def _part(local: Lanes, split: Lanes) -> Lanes:
-    """Return the micro-cell along one axis."""
-    return (local * split).floor().least(split - 1.0)
-
-
-def _places(frame: Flat, x: Lanes, y: Lanes, z: Lanes) -> list[tuple[Lanes, Lanes]]:
-    """Return the cell and the local coordinate along u, and along v."""
-    found = []
-    for axis, low, scale, cells in ((AXIS_U, LOW_U, SCALE_U, CELLS_U), (AXIS_V, LOW_V, SCALE_V, CELLS_V)):
-        place = _place(frame, axis, low, scale, x, y, z)
-        cell = place.floor().least(frame.one(cells) - 1.0)
-        found.append((cell, place - cell))
-    return found
-
-
-def _place(frame: Flat, axis: int, low: int, scale: int, x: Lanes, y: Lanes, z: Lanes) -> Lanes:
-    return (_along(frame, axis, x, y, z) - frame.one(low)) * frame.one(scale)
-
-
-def _along(frame: Flat, axis: int, x: Lanes, y: Lanes, z: Lanes) -> Lanes:
-    return frame.one(axis) * x + frame.one(axis + 1) * y + frame.one(axis + 2) * z
-
-
-def _columns(builder: Any, flat: Flat, at: Any) -> list[Lanes]:
-    """Return x, y and z of the eight points that begin at a place."""
-    first, second, third = three(builder, flat.data, at)
-    columns = []
-    for axis in range(3):
-        lanes = [i for i in range(axis, 24, 3) if i < 16]
-        both = pick_of_two(builder, first, second, lanes + [0] * (8 - len(lanes)))
-        rest = [8 + i - 16 for i in range(axis, 24, 3) if i >= 16]
-        columns.append(Lanes(builder, pick_of_two(builder, both, third, [*range(8 - len(rest)), *rest])))
-    return columns

@@ -5,19 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from surfel._numba import kernel
+from surfel.bounding.bezier import framed, over_windows
 from surfel.bounding.broken_line import broken_line
 from surfel.core.cast import Floats
 
 
 def corners_of(by_cell: Floats) -> Floats:
     """Return the largest value of the cells round each corner, -inf where none has data: shape (n, m)."""
-    n, m = by_cell.shape
-    corner = np.full((n + 1, m + 1), -np.inf)
-    for di in (0, 1):
-        for dj in (0, 1):
-            view = corner[di : di + n, dj : dj + m]
-            np.maximum(view, by_cell, out=view)
-    return corner
+    return over_windows(framed(by_cell, 1, -np.inf), 2)
 
 
 def over_corners(corner: Floats, boundary: str, symmetric: bool = False) -> tuple[Floats, int, int]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from surfel._numba import inner, kernel
@@ -14,10 +16,59 @@ def energy(unknowns: Unknowns, bending: float, stretching: float) -> Floats:
 
     ``bending * sum(D_uu^2 + 2 D_uv^2 + D_vv^2) + stretching * sum(D_u^2 + D_v^2)`` in differences of unknowns.
     """
-    band = np.zeros((unknowns.size, unknowns.band + 1 + PAD))
+    band = no_matrix(unknowns)
     rows, columns = int(unknowns.along_u[-1]) + 1, int(unknowns.along_v[-1]) + 1
     _energy(band, rows, columns, unknowns.step_u, unknowns.step_v, float(bending), float(stretching))
     return band
+
+
+def no_matrix(unknowns: Unknowns) -> Floats:
+    """Return a band matrix of zeros."""
+    return np.zeros((unknowns.size, unknowns.band + 1 + PAD))
+
+
+def bending_times(unknowns: Unknowns, x: Floats, bending: float) -> Floats:
+    """Return the product of the matrix of the bending energy and x, without the matrix."""
+    rows, columns = int(unknowns.along_u[-1]) + 1, int(unknowns.along_v[-1]) + 1
+    grid = x.reshape((columns, rows) if unknowns.step_u == 1 else (rows, columns))  # it is the same for both sides
+    out = np.zeros(grid.shape)
+    add_bending(grid, float(bending), out)
+    return out.ravel()
+
+
+@dataclass(frozen=True, eq=False)
+class Tether:
+    """The energy ``price |x|^2 / 2 - pull.x`` and that of some bending: it keeps unknowns from running off.
+
+    Parameters
+    ----------
+    unknowns : Unknowns
+        What x numbers.
+    bending, price : float
+        Weights.
+    pull : Floats, shape (size,)
+        What draws x where it is to stay.
+    """
+
+    unknowns: Unknowns
+    bending: float
+    price: float
+    pull: Floats
+
+    def force(self, x: Floats) -> Floats:
+        """Return the gradient of the energy at x, turned round."""
+        return np.asarray(self.pull - self.price * x - bending_times(self.unknowns, x, self.bending))
+
+    def matrix(self) -> Floats:
+        """Return the matrix of the energy as a band matrix."""
+        band = energy(self.unknowns, self.bending, 0.0)
+        band[:, -1 - PAD] += self.price
+        return band
+
+    def loosened(self, factor: float, x: Floats) -> Tether:
+        """Return the energy times a factor, drawing to x."""
+        loose = Tether(self.unknowns, factor * self.bending, factor * self.price, np.zeros_like(x))
+        return Tether(self.unknowns, loose.bending, loose.price, -loose.force(x))
 
 
 @inner
@@ -44,15 +95,16 @@ def _energy(band, rows, columns, step_u, step_v, bending, stretching):
         for j in range(columns):
             here = i * step_u + j * step_v
             for step, room in ((step_u, rows - 1 - i), (step_v, columns - 1 - j)):
-                if room >= 1:
+                if room >= 1 and stretching != 0.0:
                     places[0], places[1] = here, here + step
                     factors[0], factors[1] = 1.0, -1.0
                     _stencil(band, places, factors, 2, stretching)
-                if room >= 2:
+                if room >= 2 and bending != 0.0:
+                    places[0], places[1] = here, here + step
                     places[2] = here + 2 * step
                     factors[0], factors[1], factors[2] = 1.0, -2.0, 1.0
                     _stencil(band, places, factors, 3, bending)
-            if i + 1 < rows and j + 1 < columns:
+            if i + 1 < rows and j + 1 < columns and bending != 0.0:
                 places[0], places[1] = here, here + step_u
                 places[2], places[3] = here + step_v, here + step_u + step_v
                 factors[0], factors[1], factors[2], factors[3] = 1.0, -1.0, -1.0, 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,18 +90,26 @@ class Frame:
         """Return all that :func:`project` needs as one array of 15 numbers: rotation, low, scale, cells."""
         return np.concatenate([self.rotation.ravel(), self.low, self.scale, self.cells.astype(np.float64)])
 
+    def signed_numbers(self, sign: float) -> Floats:
+        """Return the numbers with heights multiplied by a sign."""
+        numbers = self.numbers()
+        numbers[6:9] *= sign
+        return numbers
+
 
 def rotation_onto(direction: Floats) -> Floats:
     """Return the rotation whose third row is a unit direction; for (0, 0, 1) it is the identity.
 
     The first row is the coordinate axis that lies most nearly across the direction, made orthogonal to it.
     """
-    axis = np.zeros(3)
-    axis[int(np.argmin(np.abs(direction)))] = 1.0
-    first = axis - (axis @ direction) * direction
-    first /= np.sqrt(first @ first)
-    second = np.roll(direction, -1) * np.roll(first, 1) - np.roll(direction, 1) * np.roll(first, -1)
-    return np.stack([first, second / np.sqrt(second @ second), direction]) + 0.0  # no negative zeros
+    x = direction.tolist()
+    axis = min(range(3), key=lambda i: abs(x[i]))
+    first = [(1.0 if i == axis else 0.0) - x[axis] * x[i] for i in range(3)]
+    length = math.hypot(*first)
+    a = [number / length for number in first]
+    b = [x[1] * a[2] - x[2] * a[1], x[2] * a[0] - x[0] * a[2], x[0] * a[1] - x[1] * a[0]]
+    length = math.hypot(*b)
+    return np.array([a, [number / length for number in b], x]) + 0.0  # no negative zeros
 
 
 def frame_over(rotation: Floats, lowest: Floats, highest: Floats, shape: tuple[int, int]) -> Frame:

@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from surfel._numba import kernel, rows, threads_for
-from surfel.bounding.compare import micro_cells_of_eight
+from surfel.bounding.buckets import HALVED
 from surfel.bounding.evaluate import cell_of
 from surfel.bounding.frame import Frame, project
-from surfel.bounding.order import HALVED
 from surfel.bounding.passes import LARGEST, no_points, survey
+from surfel.bounding.records import micro_cells_of_eight
 from surfel.bounding.reference import by_cells
 from surfel.bounding.source import Source
 from surfel.core.cast import Floats, as_points

@@ -59,8 +59,7 @@ def intersect_rays(spline: SafeSpline, rays: Any, which: str) -> Crossings:
     """Return where rays meet the trimmed surface."""
     as_choice(which, "which", ("first", "all"))
     lines = as_rays(rays)
-    sheet = spline.sheet()
-    return sheet.crossings(lines, sheet.find(lines, 0.0, first_only=which == "first"))
+    return spline.sheet().crossings(lines, 0.0, first_only=which == "first")
 
 
 def are_occluded(spline: SafeSpline, rays: Any, length: ArrayLike | None) -> Booleans:

@@ -11,8 +11,8 @@ import numpy as np
 
 from surfel._numba import kernel
 from surfel.bounding.candidates import Rows
+from surfel.bounding.energy import Tether, no_matrix
 from surfel.bounding.normal import PAD, factorize, solve
-from surfel.bounding.runs import add_scaled, dot_run
 from surfel.core.cast import Floats
 
 AROUND = 10.0
@@ -25,7 +25,7 @@ FLOOR = 0.1
 class Walk:
     """Where the method stands: coefficients x, slacks s, multipliers y. Constraints may join on the way.
 
-    Minimizes ``(cost - pull).x + x.Q x / 2`` subject to ``A x >= z``.
+    Minimizes ``cost.x`` and the energy of a tether subject to ``A x >= z``.
 
     Parameters
     ----------
@@ -37,22 +37,18 @@ class Walk:
         Mean weight of each unknown over all points.
     level : float
         Mean height of all points: ``cost.x - level`` is the mean gap.
-    quadratic : Floats
-        Band matrix Q.
-    pull : Floats, shape (size,)
-        What the quadratic part is centered on, times Q.
+    tether : Tether
+        What keeps x from running off.
     x : Floats, shape (size,)
         Where to start.
     y : Floats, shape (k,)
         Multipliers to start with: how much of the cloud each candidate stands for, which nearly balances the cost.
     """
 
-    def __init__(
-        self, rows: Rows, z: Floats, cost: Floats, level: float, quadratic: Floats, pull: Floats, x: Floats, y: Floats
-    ) -> None:
+    def __init__(self, rows: Rows, z: Floats, cost: Floats, level: float, tether: Tether, x: Floats, y: Floats) -> None:
         self.rows, self.z, self.x = rows, z, x.copy()
         self.cost, self.level, self.steps = cost, level, 0
-        self._quadratic, self._pull = quadratic, pull
+        self._tether, self._matrix, self._band = tether, tether.matrix(), no_matrix(rows.unknowns)
         self._first = self.gap
         over = rows.times(x) - z
         self.s = np.maximum(over, max(0.1 * float(np.abs(over).mean()), 1e-12))
@@ -69,8 +65,7 @@ class Walk:
         The dual residual is charged with how far coefficients may still move: some mean gaps, or all of a ``box``.
         """
         self._primal = self.rows.times(self.x) - self.s - self.z
-        pulled = self._pull - self.cost - band_times(self._quadratic, self.x)
-        self._dual = self.rows.transposed_times(self.y) + pulled
+        self._dual = self.rows.transposed_times(self.y) + self._tether.force(self.x) - self.cost
         gained = max(float(self.s @ self.y), float(np.abs(self._primal).max())) / max(self.gap, 0.1 * self._first)
         return max(gained, max(AROUND, box / self.gap) * float(np.abs(self._dual).sum()))
 
@@ -78,7 +73,8 @@ class Walk:
         """Take one step from where :meth:`left` looked; False where rounding forbids it."""
         s, y, count = self.s, self.y, len(self.z)
         theta = y / s
-        band = self._quadratic.copy()
+        band = self._band
+        np.copyto(band, self._matrix)
         self.rows.add_normal(theta, band)
         band[:, -1 - PAD] += 1e-14 + 1e-13 * band[:, -1 - PAD]
         if not (np.isfinite(theta).all() and factorize(band)):
@@ -97,9 +93,9 @@ class Walk:
         return True
 
     def loosen(self, factor: float) -> None:
-        """Multiply the quadratic part by a factor, and center it on where the walk stands."""
-        self._quadratic = self._quadratic * factor
-        self._pull = band_times(self._quadratic, self.x)
+        """Multiply the tether by a factor, and let it draw to where the walk stands."""
+        self._tether = self._tether.loosened(factor, self.x)
+        self._matrix = self._tether.matrix()
         self._draw_back(self.y)
 
     def admit(self, rows: Rows, z: Floats, x: Floats) -> None:
@@ -129,28 +125,13 @@ class Walk:
 
 def _reach(values: Floats, change: Floats, most: float = 1.0) -> float:
     """Return how far a step keeps all values positive."""
-    fastest = float((change / values).min(initial=0.0))
-    return min(most, -1.0 / fastest) if fastest < 0.0 else most
-
-
-def band_times(band: Floats, x: Floats) -> Floats:
-    """Return the product of a symmetric band matrix and a vector."""
-    out = np.zeros(len(x))
-    _band_times(band, x, out)
-    return out
+    return min(most, float(_farthest(values, change)))
 
 
 @kernel
-def _band_times(band, x, out):
-    size, stride = band.shape
-    width = stride - 1 - PAD
-    flat = band.ravel()
-    for i in range(size):
-        near = min(i, width)
-        row = i * stride + width
-        out[i] += flat[row] * x[i] + dot_run(flat, row - near, x, i - near, near)
-        whole = near - near % 8
-        for c in range(0, whole, 8):
-            add_scaled(out, i - near + c, x[i], flat, row - near + c)
-        for c in range(whole, near):
-            out[i - near + c] += x[i] * flat[row - near + c]
+def _farthest(values, change):
+    fastest = 0.0
+    for i in range(values.shape[0]):
+        if change[i] < fastest * values[i]:
+            fastest = change[i] / values[i]
+    return -1.0 / fastest if fastest < 0.0 else np.inf

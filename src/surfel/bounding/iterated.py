@@ -8,12 +8,12 @@ handful of steps does. Where there are no points the coarse fit, whose energy fi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from surfel._numba import kernel
 from surfel.bounding.candidates import Rows
-from surfel.bounding.energy import add_bending
+from surfel.bounding.energy import bending_times
 from surfel.bounding.evaluate import values
 from surfel.bounding.normal import Unknowns, unknowns_of
 from surfel.bounding.reference import STRETCHING, least_squares
@@ -76,13 +76,13 @@ class Products:
 
     Parameters
     ----------
-    sides : tuple
-        Banded Cholesky factors.
+    sides : tuple of Floats, shape (size, 4)
+        Banded Cholesky factors: row i holds the entries ``(i, i - 3) .. (i, i)``.
     shape : tuple of int
         Unknowns along u and v.
     """
 
-    sides: tuple[Any, Any]
+    sides: tuple[Floats, Floats]
     shape: tuple[int, int]
 
     @classmethod
@@ -93,25 +93,60 @@ class Products:
 
     def solve(self, right: Floats) -> Floats:
         """Return the solution, in two sweeps; ``right`` has the shape of the unknowns."""
-        from scipy.linalg import cho_solve_banded
+        x = np.array(right, order="C")
+        _solve_product(*self.sides, x)
+        return x
 
-        half = cho_solve_banded((self.sides[0], True), right, check_finite=False)
-        return np.ascontiguousarray(cho_solve_banded((self.sides[1], True), half.T, check_finite=False).T)
+
+def _factor(along: Integers) -> Floats:
+    factor = np.zeros((int(along[-1]) + 1, 4))
+    _factorize(along, _CELL, factor)
+    return factor
 
 
-def _factor(along: Integers) -> Any:
-    from scipy.linalg import cholesky_banded
+_CELL = np.array([[20, 129, 60, 1], [129, 1188, 933, 60], [60, 933, 1188, 129], [1, 60, 129, 20]]) / 5040.0
+"""Integrals over one cell of products of its four B-splines."""
 
-    # integrals over one cell of products of its four B-splines, times 5040
-    cell = np.array([[20, 129, 60, 1], [129, 1188, 933, 60], [60, 933, 1188, 129], [1, 60, 129, 20]]) / 5040.0
-    band = np.zeros((4, int(along[-1]) + 1))
-    for a in range(4):
-        for b in range(4):
-            i, j = along[a : len(along) - 3 + a], along[b : len(along) - 3 + b]
-            lower = i >= j
-            np.add.at(band, ((i - j)[lower], j[lower]), cell[a, b])
-    band[0] += 1e-9
-    return cholesky_banded(band, lower=True, check_finite=False)
+
+@kernel
+def _factorize(along, cell, factor):
+    for first in range(along.shape[0] - 3):
+        for a in range(4):
+            for b in range(4):
+                i, j = along[first + a], along[first + b]
+                if j <= i:
+                    factor[i, 3 - i + j] += cell[a, b]
+    for i in range(factor.shape[0]):
+        factor[i, 3] += 1e-9
+        for j in range(max(0, i - 3), i + 1):
+            total = factor[i, 3 - i + j]
+            for k in range(max(0, i - 3), j):
+                total -= factor[i, 3 - i + k] * factor[j, 3 - j + k]
+            factor[i, 3 - i + j] = total / factor[j, 3] if j < i else np.sqrt(total)
+
+
+@kernel
+def _solve_product(along_u, along_v, x):
+    n, m = x.shape
+    for i in range(n):
+        for k in range(max(0, i - 3), i):
+            x[i] -= along_u[i, 3 - i + k] * x[k]
+        x[i] *= 1.0 / along_u[i, 3]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, min(n, i + 4)):
+            x[i] -= along_u[k, 3 - k + i] * x[k]
+        x[i] *= 1.0 / along_u[i, 3]
+    for i in range(n):
+        for j in range(m):
+            total = x[i, j]
+            for k in range(max(0, j - 3), j):
+                total -= along_v[j, 3 - j + k] * x[i, k]
+            x[i, j] = total / along_v[j, 3]
+        for j in range(m - 1, -1, -1):
+            total = x[i, j]
+            for k in range(j + 1, min(m, j + 4)):
+                total -= along_v[k, 3 - k + j] * x[i, k]
+            x[i, j] = total / along_v[j, 3]
 
 
 def conjugate_gradients(rows: Rows, z: Floats, weight: Floats, products: Products, x: Floats, bending: float) -> Floats:
@@ -147,7 +182,7 @@ class _Grid:
     """Unknowns as a grid, along u and v, whatever order they are numbered in; and their energy there."""
 
     def __init__(self, unknowns: Unknowns, shape: tuple[int, int]) -> None:
-        self._shape, self._turned = shape, unknowns.step_u == 1
+        self._unknowns, self._shape, self._turned = unknowns, shape, unknowns.step_u == 1
 
     def square(self, x: Floats) -> Floats:
         return x.reshape(self._shape[::-1]).T if self._turned else x.reshape(self._shape)
@@ -156,8 +191,5 @@ class _Grid:
         return np.ascontiguousarray(grid.T if self._turned else grid).ravel()
 
     def energy(self, x: Floats, bending: float) -> Floats:
-        """Return the gradient of half the energy; it is the same whichever side comes first."""
-        b = x.reshape(self._shape[::-1] if self._turned else self._shape)
-        out = STRETCHING * b
-        add_bending(b, bending, out)
-        return out.ravel()
+        """Return the gradient of half the energy."""
+        return np.asarray(STRETCHING * x + bending_times(self._unknowns, x, bending))

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from surfel.bounding.buckets import Buckets
 from surfel.bounding.candidates import Rows
 from surfel.bounding.evaluate import values
 from surfel.bounding.frame import Frame, frame_over
 from surfel.bounding.gather import gather
 from surfel.bounding.normal import Unknowns, unknowns_of
-from surfel.bounding.order import Order
 from surfel.bounding.passes import keep_highest, no_points, survey
 from surfel.bounding.reference import Scale, by_cells
 from surfel.bounding.residuals import Residuals, keep_residuals, no_residuals
@@ -55,8 +55,8 @@ class Job:
         Micro-cells along the side of a cell.
     unknowns : Unknowns
         The coefficients that the boundary rule leaves free.
-    order : Order
-        In which order the points of an array are taken; chunks have orders of their own.
+    buckets : Buckets
+        Where the points of an array are gathered by their cells; chunks have buckets of their own.
     """
 
     source: Source
@@ -71,7 +71,7 @@ class Job:
     points: int
     split: int
     unknowns: Unknowns
-    order: Order
+    buckets: Buckets
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ def prepare(
         points,
         split_for(points, shape),
         unknowns_of(shape, boundary),
-        Order.of(0 if source.streamed else points, frame),
+        Buckets.of(0 if source.streamed else points, int(frame.cells.prod())),
     )
 
 
@@ -131,9 +131,9 @@ def compared(job: Job, coefficients: Floats, *, weigh: bool = True) -> Residuals
         If chunks are not the same as before.
     """
     residuals = no_residuals(job.frame, job.split)
-    order = None if job.source.streamed else job.order
+    buckets = None if job.source.streamed else job.buckets
     for chunk in job.source:
-        keep_residuals(residuals, chunk, job.frame, coefficients, job.sign, order, weigh=weigh)
+        keep_residuals(residuals, chunk, job.frame, coefficients, job.sign, buckets, weigh=weigh)
     if residuals.points != job.points:
         raise InputError(
             f"points changed between two passes: {job.points} in the first, {residuals.points} in the second; "

@@ -41,6 +41,16 @@ def cell_value(typing, b, h, k, s, t):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
+def larger(typing, a, b):  # type: ignore[no-untyped-def]
+    """Return the larger of two numbers, without a branch."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.select(builder.fcmp_ordered(">", *values), *values)
+
+    return types.float64(types.float64, types.float64), generate
+
+
+@intrinsic
 def stretch(typing, p, at, lanes):  # type: ignore[no-untyped-def]
     """Take ``p[at : at + 24]`` into 24 minima, 24 maxima and 24 sums of ``x - x``: not 0 where x is not finite."""
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from surfel._numba import inner, kernel
 from surfel.bounding.evaluate import weights
-from surfel.bounding.runs import add_scaled, dot_run, subtract_panel
+from surfel.bounding.runs import add_scaled, dot_run, dot_tile
 from surfel.core.cast import Floats, Integers
 
-PAD = 8
+PAD = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,47 +125,56 @@ def add_cell(local, h, k, along_u, along_v, step_u, step_v, band):
 
 @kernel
 def _cholesky(band):
-    # Eight columns at a time: each is made final, then all are taken from the rows below them, two rows in a sweep.
+    # Four rows by four columns at a time: products of rows, which lie in memory from end to end, then a small solution.
+    # Before its first entry a row reads zeros from the pad of the row above it.
     size, stride = band.shape
-    width = stride - 1 - PAD
-    flat = band.ravel()
-    length = width + 8 + 3 * PAD
-    panel = np.zeros(8 * length)
-    for j in range(0, size, 8):
-        count = min(8, size - j)
-        high = min(size - j, count + width)  # rows that the columns reach
-        panel[:] = 0.0
-        for i in range(high):
-            row = (i + j) * stride + width - i
-            if 8 <= i <= width:  # all eight columns: a loop that is unrolled
-                for q in range(8):
-                    panel[q * length + i] = flat[row + q]
+    width, step = stride - 1 - PAD, stride - 1
+    band[:, width + 1 :] = 0.0
+    flat, inverse, s = band.ravel(), np.empty(size), np.empty(16)
+    whole = size - size % 4
+    for i in range(0, whole, 4):
+        first = max(0, i - width)
+        for j in range(first // 4 * 4, i + 4, 4):
+            eights = max(0, j - first + 7) // 8
+            before, at = j - 8 * eights + width, i * step + j + width
+            dot_tile(flat, i * step + before, j * step + before, step, eights, s)
+            if j < i:
+                low = j * step + j + width
+                l10, l20, l21 = flat[low + step], flat[low + 2 * step], flat[low + 2 * step + 1]
+                l30, l31, l32 = flat[low + 3 * step], flat[low + 3 * step + 1], flat[low + 3 * step + 2]
+                d0, d1, d2, d3 = inverse[j], inverse[j + 1], inverse[j + 2], inverse[j + 3]
+                for a in range(4):
+                    x0 = (flat[at] - s[4 * a]) * d0
+                    x1 = (flat[at + 1] - s[4 * a + 1] - l10 * x0) * d1
+                    x2 = (flat[at + 2] - s[4 * a + 2] - l20 * x0 - l21 * x1) * d2
+                    x3 = (flat[at + 3] - s[4 * a + 3] - l30 * x0 - l31 * x1 - l32 * x2) * d3
+                    flat[at], flat[at + 1], flat[at + 2], flat[at + 3] = x0, x1, x2, x3
+                    at += step
+                continue
+            for a in range(4):
+                for c in range(a + 1):
+                    value = flat[at + a * step + c] - s[4 * a + c]
+                    for d in range(c):
+                        value -= flat[at + a * step + d] * flat[at + c * step + d]
+                    if c < a:
+                        flat[at + a * step + c] = value * inverse[i + c]
+                    elif value > 0.0:
+                        flat[at + a * step + c] = np.sqrt(value)
+                        inverse[i + a] = 1.0 / np.sqrt(value)
+                    else:
+                        return False
+    for i in range(whole, size):
+        for j in range(max(0, i - width), i + 1):
+            first = max(0, i - width)
+            row, other = i * step + width, j * step + width
+            value = flat[row + j] - dot_run(flat, row + first, flat, other + first, j - first)
+            if j < i:
+                flat[row + j] = value * inverse[j]
+            elif value > 0.0:
+                flat[row + j] = np.sqrt(value)
+                inverse[j] = 1.0 / np.sqrt(value)
             else:
-                for q in range(max(0, i - width), min(count, i + 1)):
-                    panel[q * length + i] = flat[row + q]
-        for q in range(count):
-            value = panel[q * length + q]
-            if not value > 0.0:
                 return False
-            scale = 1.0 / np.sqrt(value)
-            for i in range(q, high):
-                panel[q * length + i] *= scale
-            for r in range(q + 1, count):
-                factor = -panel[q * length + r]
-                for start in range(r, high, 8):
-                    add_scaled(panel, r * length + start, factor, panel, q * length + start)
-        for i in range(high):
-            row = (i + j) * stride + width - i
-            if 8 <= i <= width:
-                for q in range(8):
-                    flat[row + q] = panel[q * length + i]
-            else:
-                for q in range(max(0, i - width), min(count, i + 1)):
-                    flat[row + q] = panel[q * length + i]
-        for here in range(count, high, 2):
-            first = (here + j) * stride + width - here
-            second = first + stride - 1 if here + 1 < high else first
-            subtract_panel(flat, first, second, panel, here, count, length, (here + 1 - count) // 8 + 1)
     return True
 
 

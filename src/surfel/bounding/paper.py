@@ -12,24 +12,13 @@ import numpy as np
 
 from surfel._numba import inner, kernel
 from surfel.bounding.banded import COLUMNS
-from surfel.bounding.compare import (
-    AXIS_Z,
-    BLOCK,
-    CELL_U,
-    CELL_V,
-    CONSTANTS,
-    HEIGHT,
-    LOCAL_U,
-    LOCAL_V,
-    ROWS,
-    place_eight,
-)
+from surfel.bounding.buckets import BLOCK, fetch_records
 from surfel.bounding.corners import over_corners
 from surfel.bounding.enclosure import second
 from surfel.bounding.evaluate import cell_of
 from surfel.bounding.frame import Frame
 from surfel.bounding.job import Job, Outcome
-from surfel.bounding.order import Order, fetch_block, sort_block
+from surfel.bounding.records import HEIGHT, LOCAL_U, LOCAL_V, RECORD
 from surfel.bounding.scattered import AGREED, nearest, scattered
 from surfel.core.cast import Floats, Integers
 
@@ -63,13 +52,12 @@ def _one_order(job: Job, exchanged: bool) -> Outcome:
     corner = np.full((n, m), -np.inf)
     solves, fallbacks = np.zeros(m, np.int64), np.zeros(m, np.bool_)
     line, place, height = _on_lines(uv, job.height, m)
-    order = Order.of(job.points, frame) if exchanged else job.order
     todo, near = np.ones(m, np.bool_), None
-    for _ in range(PASSES):
+    for turn in range(PASSES):
         _fit_lines(line, place, height, job.boundary == "open", todo, corner, solves, fallbacks)
         if job.source.streamed:
             break
-        worst, near = _look(order, frame, corner, job, near)
+        worst, near = _look(frame, corner, job, near, first=turn == 0)
         if worst is None:
             break
         more, more_place, more_height = worst
@@ -101,7 +89,7 @@ def _sorted(line: Integers, place: Floats, height: Floats) -> tuple[Integers, Fl
 
 
 def _look(
-    order: Order, frame: Frame, corner: Floats, job: Job, near: Floats | None
+    frame: Frame, corner: Floats, job: Job, near: Floats | None, *, first: bool
 ) -> tuple[tuple[Integers, Floats, Floats] | None, Floats | None]:
     """Return the point of largest excess over its line's bound for each line and abscissa, and the points near to it.
 
@@ -116,25 +104,18 @@ def _look(
         _look_again(near, corner, is_open, worst, place, height)
     else:
         (points,) = job.source
-        first = not order.known
         kept = np.empty((len(points) // FEW if first else 0, 3))
         count = _look_at(
             points,
-            frame.numbers(),
-            job.sign,
+            frame.signed_numbers(job.sign),
             corner,
             is_open,
-            order.rank,
-            order.starts,
-            np.int64(order.block),
-            order.known,
             NEAR * 2.0 * half if first else 0.0,
             kept,
             worst,
             place,
             height,
         )
-        order.known = True
         near = kept[:count].copy() if first and count <= len(kept) else None
     line, at = np.nonzero(worst > tolerance)
     return ((line, place[line, at], height[line, at]) if len(line) else None), near
@@ -203,44 +184,30 @@ def _look_again(near, corner, is_open, worst, place, height):
 
 
 @kernel
-def _look_at(p, f, sign, corner, is_open, rank, starts, block, known, margin, near, worst, place, height):
+def _look_at(p, f, corner, is_open, margin, near, worst, place, height):
     # The bound lies nowhere below the least sum of its two numbers at the corners of a cell: most points pass.
     n, m = corner.shape
     table = _table(corner, is_open)
-    w, places, c = np.empty(ROWS * BLOCK), np.empty(block, np.int32), np.empty(CONSTANTS)
-    c[:13] = f[:13]
-    c[AXIS_Z : AXIS_Z + 3] *= sign
-    flat = p.ravel()
-    count, parts = 0, starts.shape[0]
-    for part in range(parts):
-        last = p.shape[0] * (part + 1) // parts
-        for row, first in enumerate(range(p.shape[0] * part // parts, last, block)):
-            begins = starts[part, row]
-            if known:
-                w[0] = fetch_block(flat, first, min(block, last - first))
-            else:
-                sort_block(flat, first, min(block, last - first), f, places, rank, begins)
-            for cell in range((n - 1) * (m - 1)):
-                if begins[cell] == begins[cell + 1]:
-                    continue
-                h, k = cell // (m - 1), cell % (m - 1)
-                c[CELL_U], c[CELL_V] = h, k
-                least = np.inf
-                for j in range(k, k + 2):
-                    for i in range(h, h + 2):
-                        least = min(least, table[j, i, 0] + table[j, i, 1])
-                least -= 1e-14 * abs(least)
-                for at in range(begins[cell], begins[cell + 1], BLOCK):
-                    here = min(BLOCK, begins[cell + 1] - at)
-                    for i in range(0, here, 8):
-                        place_eight(flat, rank, first, at, here, w, i, c)
-                    for i in range(here):
-                        z = w[HEIGHT * BLOCK + i]
-                        if z <= least - margin:
-                            continue
-                        s = w[LOCAL_U * BLOCK + i]
-                        if _compare(table, h, k, s, z, worst, place, height) > -margin:
-                            if count < near.shape[0]:
-                                near[count, 0], near[count, 1], near[count, 2] = h + s, k + w[LOCAL_V * BLOCK + i], z
-                            count += 1
+    least = np.empty((n - 1) * (m - 1))
+    for h in range(n - 1):
+        for k in range(m - 1):
+            low = np.inf
+            for j in range(k, k + 2):
+                for i in range(h, h + 2):
+                    low = min(low, table[j, i, 0] + table[j, i, 1])
+            least[h * (m - 1) + k] = low - 1e-14 * abs(low) - margin
+    w, cells = np.empty(RECORD * BLOCK), np.empty(BLOCK, np.int32)
+    flat, count = p.ravel(), 0
+    for first in range(0, p.shape[0], BLOCK):
+        here = min(BLOCK, p.shape[0] - first)
+        fetch_records(flat[3 * first :], 0, here, f, cells, w)
+        for i in range(here):
+            z, cell = w[RECORD * i + HEIGHT], np.int64(cells[i])
+            if z <= least[cell]:
+                continue
+            h, k, s = cell // (m - 1), cell % (m - 1), w[RECORD * i + LOCAL_U]
+            if _compare(table, h, k, s, z, worst, place, height) > -margin:
+                if count < near.shape[0]:
+                    near[count, 0], near[count, 1], near[count, 2] = h + s, k + w[RECORD * i + LOCAL_V], z
+                count += 1
     return count

@@ -10,12 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfel._numba import inlined, kernel, rows, threads_for
-from surfel.bounding.compare import BLOCK, micro_cells_of_eight
+from surfel.bounding.buckets import BLOCK, HALVED
 from surfel.bounding.evaluate import cell_of
 from surfel.bounding.frame import Frame, project
-from surfel.bounding.lanes import stretch
-from surfel.bounding.order import HALVED
+from surfel.bounding.lanes import larger, stretch
+from surfel.bounding.records import micro_cells_of_eight
 from surfel.core.cast import Floats
+
+NOTES = 256
+"""Points that were the highest of their micro-cell for a while, before their places are written down."""
 
 LARGEST = 1e300
 """Coordinates beyond this are refused: differences and products of coefficients must not overflow."""
@@ -70,7 +73,9 @@ def no_points(frame: Frame, split: int) -> Highest:
 
 def keep_highest(highest: Highest, points: Floats, frame: Frame, sign: float, every: int = 1) -> None:
     """Keep the highest point of each micro-cell; of equal ones the first. Looks at eight of ``8 every`` points only."""
-    _keep_highest(points, frame.numbers(), sign, np.int64(every), np.int64(highest.split), highest.uv, highest.height)
+    _keep_highest(
+        points, frame.signed_numbers(sign), np.int64(every), np.int64(highest.split), highest.uv, highest.height
+    )
 
 
 @rows
@@ -118,23 +123,30 @@ def micro_cell(cell, local, split):
 
 
 @kernel
-def _keep_highest(p, f, sign, every, split, uv, height):
+def _keep_highest(p, f, every, split, uv, height):
+    # Which point is the highest so far cannot be foretold: there are no branches, but notes of those that were.
     n, m = np.int64(f[13]), np.int64(f[14])
     flat, high, where = p.ravel(), height.ravel(), uv.ravel()
     z, places = np.empty(8), np.empty(8, np.int32)
-    whole = p.shape[0] - p.shape[0] % 8
-    for first in range(0, whole, 8 * every):
+    noted, into = np.empty(NOTES + 8, np.int64), np.empty(NOTES + 8, np.int64)
+    notes, first, whole = 0, 0, p.shape[0] - p.shape[0] % 8
+    while first < whole:
         micro_cells_of_eight(flat, 3 * first, f, float(split), places, z, 0)
         for i in range(8):
-            at = np.int64(places[i])
-            if sign * z[i] > high[at]:
-                high[at] = sign * z[i]
-                q = 3 * (first + i)
+            at, top = np.int64(places[i]), z[i]
+            before = high[at]
+            noted[notes], into[notes] = first + i, at
+            notes += 1 if top > before else 0
+            high[at] = larger(top, before)
+        first += 8 * every
+        if notes >= NOTES or first >= whole:  # while the points are near
+            for j in range(notes):
+                q, at = 3 * noted[j], into[j]
                 where[2 * at], where[2 * at + 1], _ = project(f, flat[q], flat[q + 1], flat[q + 2])
+            notes = 0
     for i in range(whole, p.shape[0]):
         u, v, top = project(f, p[i, 0], p[i, 1], p[i, 2])
         h, k = cell_of(u, n), cell_of(v, m)
         a, b = micro_cell(h, u - h, split), micro_cell(k, v - k, split)
-        if sign * top > height[a, b]:
-            height[a, b] = sign * top
-            uv[a, b, 0], uv[a, b, 1] = u, v
+        if top > height[a, b]:
+            height[a, b], uv[a, b, 0], uv[a, b, 1] = top, u, v

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel._numba import inlined, inner, rows, threads_for
-from surfel.bounding.along import blossoms, restrict
+from surfel.bounding.along import restrict
 from surfel.bounding.bezier import ROUNDING, cell_bounds, cell_planes
 from surfel.bounding.occupancy import WHOLE, Quarters, quarter
 from surfel.bounding.roots import STACK, WIDTH, zeros
@@ -27,12 +27,16 @@ _WEIGHT = 20  # a line costs as much as so many plain items
 
 
 class Sheet(NamedTuple):
-    """What a kernel has to know of a spline: coefficients, bounds and planes of its cells, and the trim."""
+    """What a kernel has to know of a spline: coefficients, bounds of its cells, the trim.
+
+    In ``table`` each cell has eight numbers side by side: its plane and how far the spline lies below and above that
+    (:func:`surfel.bounding.bezier.cell_planes`), its least and largest height, its trim.
+    """
 
     coefficients: Floats
     low: Floats
     high: Floats
-    planes: Floats
+    table: Floats
     trim: Quarters
 
     @classmethod
@@ -42,7 +46,8 @@ class Sheet(NamedTuple):
         parts = [coefficients[first : last + 3] for first, last in blocks(rows, max(1, _NETS // columns))]
         low, high = (np.concatenate(side) for side in zip(*map(cell_bounds, parts), strict=True))
         planes = np.concatenate([cell_planes(part) for part in parts])
-        return cls(np.array(coefficients), low, high, planes, np.array(trim))
+        table = np.concatenate([planes, np.stack([low, high, trim], axis=-1)], axis=-1)
+        return cls(np.array(coefficients), low, high, table, np.array(trim))
 
 
 class Hits(NamedTuple):
@@ -98,8 +103,8 @@ def _trace(
 
 @rows
 def _trace_rows(first, last, sheet, origins, directions, start, found, t):
-    weights_u, weights_v = np.empty((4, 4)), np.empty((4, 4))
-    c, parts, roots = np.empty(7), np.empty((STACK, WIDTH)), np.empty(8)
+    flat, table, c = sheet.coefficients.ravel(), sheet.table.ravel(), np.empty(8)
+    parts, roots = np.empty((STACK, WIDTH)), np.empty(8)
     least, most = sheet.low.min(), sheet.high.max()
     span = max(abs(least), abs(most))
     for line in range(first, last):
@@ -111,8 +116,8 @@ def _trace_rows(first, last, sheet, origins, directions, start, found, t):
             least,
             most,
             span,
-            weights_u,
-            weights_v,
+            flat,
+            table,
             c,
             parts,
             roots,
@@ -130,7 +135,7 @@ def clip(origin, direction, low, high, start, end):
 
 
 @inner
-def trace(sheet, origin, direction, start, least, most, span, weights_u, weights_v, c, parts, roots, t):
+def trace(sheet, origin, direction, start, least, most, span, flat, table, c, parts, roots, t):
     """Write the first hits of one line, as many as fit, and return how many there are (at least)."""
     cells_u, cells_v = sheet.trim.shape
     du, dv, dw = direction[0], direction[1], direction[2]
@@ -154,15 +159,18 @@ def trace(sheet, origin, direction, start, least, most, span, weights_u, weights
         leave_v = (k + ahead_v) * slow_v if dv != 0.0 else np.inf
         leave = max(min(min(leave_u, leave_v), end), here)
         w_here, w_leave = w + dw * here, w + dw * leave
-        kept = sheet.trim[h, k]
-        if kept == 0 or misses(sheet, h, k, u, v, w, du, dv, dw, here, leave):
+        place = 8 * (h * cells_v + k)
+        p, q, r = table[place], table[place + 1], table[place + 2]
+        rest, slope = p + q * (u - h) + r * (v - k) - w, q * du + r * dv - dw
+        one, other = rest + slope * here, rest + slope * leave
+        kept = np.uint8(table[place + 7])
+        misses = (kept == 0) | (max(w_here, w_leave) < table[place + 5]) | (min(w_here, w_leave) > table[place + 6])
+        if misses | (min(one, other) + table[place + 3] > 0.0) | (max(one, other) + table[place + 4] < 0.0):
             touching = False
         else:
             a0, a1 = clamped(u + du * here - h), clamped(u + du * leave - h)
             b0, b1 = clamped(v + dv * here - k), clamped(v + dv * leave - k)
-            blossoms(a0, a1, weights_u)
-            blossoms(b0, b1, weights_v)
-            restrict(sheet.coefficients, h, k, weights_u, weights_v, w_here, w_leave, c)
+            restrict(flat, h * (cells_v + 3) + k, cells_v + 3, a0, a1, b0, b1, w_here, w_leave, c)
             tolerance = ROUNDING * (span + max(abs(w_here), abs(w_leave)))
             here_found, touching = zeros(c, tolerance, touching, parts, roots)
             for i in range(min(here_found, len(roots))):
@@ -184,19 +192,6 @@ def trace(sheet, origin, direction, start, least, most, span, weights_u, weights
         if h < 0 or h >= cells_u or k < 0 or k >= cells_v:
             return count
         here = leave
-
-
-@inlined
-def misses(sheet, h, k, u, v, w, du, dv, dw, here, leave):
-    """Tell whether a line passes over or under a cell: beyond its heights, or beyond its plane and distances."""
-    one, other = w + dw * here, w + dw * leave
-    if max(one, other) < sheet.low[h, k] or min(one, other) > sheet.high[h, k]:
-        return True
-    planes = sheet.planes
-    rest = planes[h, k, 0] + planes[h, k, 1] * (u - h) + planes[h, k, 2] * (v - k) - w
-    slope = planes[h, k, 1] * du + planes[h, k, 2] * dv - dw
-    one, other = rest + slope * here, rest + slope * leave
-    return min(one, other) + planes[h, k, 3] > 0.0 or max(one, other) + planes[h, k, 4] < 0.0
 
 
 @inlined

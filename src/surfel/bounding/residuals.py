@@ -9,28 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surfel._numba import rows, threads_for
-from surfel.bounding.compare import (
-    AXIS_Z,
-    BLOCK,
-    CONSTANTS,
-    HEIGHT,
-    LEAST_R,
-    LOCAL_U,
-    LOCAL_V,
-    RESIDUAL,
-    ROWS,
-    SPLIT,
-    SUM_R,
-    SUM_Z,
-    SUMS,
-    WIDE,
-    compare_and_weigh_eight,
-    compare_eight,
-)
+from surfel._numba import kernel, rows, threads_for
+from surfel.bounding.bezier import over_windows
+from surfel.bounding.buckets import EIGHT, Buckets, insert_one, set_cell
+from surfel.bounding.compare import CONSTANTS, LEAST_R, SPLIT, SUM_R, SUM_Z, SUMS, compare_and_weigh_run, compare_run
 from surfel.bounding.frame import Frame
 from surfel.bounding.occupancy import Quarters
-from surfel.bounding.order import Order, fetch_block, set_cell, sort_block
+from surfel.bounding.records import HEIGHT, LOCAL_U, LOCAL_V, RECORD, copy_record, insert_eight
 from surfel.core.cast import Floats, Integers
 
 
@@ -81,12 +66,8 @@ class Residuals:
     def mean_weights(self) -> Floats:
         """Return the mean weight of each coefficient over the points, shape (n + 2, m + 2); they add up to 1."""
         n, m = self.occupancy.shape
-        along_v = np.zeros((n, m + 3, 4))
-        for j in range(4):
-            along_v[:, j : j + m] += self.moments.reshape(n, m, 4, 4)[..., j]
         sums = np.zeros((n + 3, m + 3))
-        for i in range(4):
-            sums[i : i + n] += along_v[..., i]
+        _collect(self.moments, sums)
         return np.asarray(sums / (36.0 * max(self.points, 1)))
 
     def mean_value(self, coefficients: Floats) -> float:
@@ -99,8 +80,7 @@ class Residuals:
 
     def by_cell(self) -> Floats:
         """Return the largest residual of each cell, shape (n - 1, m - 1)."""
-        a, b = self.occupancy.shape
-        return np.asarray(self.largest.reshape(a, self.split, b, self.split).max(axis=(1, 3)))
+        return over_windows(self.largest, self.split, self.split)
 
 
 def no_residuals(frame: Frame, split: int) -> Residuals:
@@ -126,18 +106,17 @@ def keep_residuals(
     frame: Frame,
     coefficients: Floats,
     sign: float,
-    order: Order | None = None,
+    buckets: Buckets | None = None,
     *,
     weigh: bool = True,
 ) -> None:
     """Compare points with a spline and keep what matters of each micro-cell.
 
     Many points are cut in two, wherever there are threads or not, and the halves are joined in order: so the sums are
-    the same to the last bit on any number of threads. An ``order`` is filled in, or used if it has been; without
-    ``weigh`` the moments are left alone.
+    the same to the last bit on any number of threads. Without ``weigh`` the moments are left alone.
     """
-    order = order or Order.of(len(points), frame)
-    parts = order.parts
+    buckets = buckets or Buckets.of(len(points), kept.occupancy.size)
+    parts = buckets.parts
     if parts == 1:
         arrays = [getattr(kept, name)[None] for name in _KEPT]
     else:
@@ -147,18 +126,14 @@ def keep_residuals(
         _keep_residuals(
             parts,
             points,
-            frame.numbers(),
+            frame.signed_numbers(sign),
             coefficients,
-            float(sign),
             np.int64(kept.split),
-            order.rank,
-            order.starts,
-            np.int64(order.block),
-            order.known,
+            buckets.cells,
+            buckets.records,
             weigh,
             *arrays,
         )
-    order.known = True
     if parts == 1:
         return
     for most, least, uv, height, count, occupancy, moments, totals in zip(*arrays, strict=True):
@@ -175,66 +150,91 @@ def keep_residuals(
 _KEPT = ("largest", "smallest", "uv", "height", "count", "occupancy", "moments", "total")
 
 
+@kernel
+def _collect(moments, sums):
+    n, m = moments.shape[:2]
+    for h in range(n):
+        for k in range(m):
+            for i in range(4):
+                for j in range(4):
+                    sums[h + i, k + j] += moments[h, k, 4 * i + j]
+
+
 @rows
 def _keep_residuals(
-    begin, end, p, f, coefficients, sign, split, rank, starts, block, known, weigh,
+    begin, end, p, f, coefficients, split, cells, records, weigh,
     largest, smallest, uv, height, count, occupancy, moments, totals,
 ):  # fmt: skip
-    w, marks, sums = np.empty(ROWS * BLOCK), np.zeros(BLOCK + 8, np.int32), np.zeros(8 * SUMS)
     c = np.empty(CONSTANTS)
-    c[:13] = f[:13]
-    c[AXIS_Z : AXIS_Z + 3] *= sign
     n, m = occupancy.shape[1:]
-    wide = m * split
-    c[SPLIT], c[WIDE] = split, wide
+    c[SPLIT] = split
+    room = records.shape[2] - EIGHT
+    residual, marks, todo = np.empty(room + 8), np.empty(room + 9, np.int32), np.empty(room + 8, np.int32)
+    stride, wide = room + EIGHT, m * split
+    sums, filled = np.empty(SUMS), np.empty(n * m, np.int32)
+    aside, here_many = np.zeros(16, np.int64), np.empty(16, np.int32)  # where micro-cells lie from the cell's first
+    for i in range(split * split):
+        aside[i] = i // split * wide + i % split
     b, width, flat = coefficients.ravel(), coefficients.shape[1], p.ravel()
-    places = np.empty(block, np.int32)
     for part in range(begin, end):
         all_sums, quarters, least = moments[part].ravel(), occupancy[part].ravel(), smallest[part].ravel()
         most, many = largest[part].ravel(), count[part].ravel()
-        where, high = uv[part].ravel(), height[part].ravel()
-        sums[:] = 0.0
-        last = p.shape[0] * (part + 1) // len(totals)
-        for number, first in enumerate(range(p.shape[0] * part // len(totals), last, block)):
-            begins = starts[part, number]
-            if known:
-                w[0] = fetch_block(flat, first, min(block, last - first))
-            else:
-                sort_block(flat, first, min(block, last - first), f, places, rank, begins)
-            for cell in range(n * m):
-                if begins[cell] == begins[cell + 1]:
+        where, high, bucket = uv[part].ravel(), height[part].ravel(), records[part].ravel()
+        sums[:], filled[:] = 0.0, 0
+        at, last = p.shape[0] * part // len(totals), p.shape[0] * (part + 1) // len(totals)
+        full = rest = 0  # bits of the last eight that filled buckets, and cells that were looked through in the end
+        while True:
+            while full == 0 and at + 8 <= last:
+                full = insert_eight(flat, 3 * at, f, cells, at, bucket, room, filled)
+                at += 8
+            cell = -1
+            if full != 0:
+                i = at - 8
+                while full >> (i - at + 8) & 1 == 0:
+                    i += 1
+                full &= full - 1
+                cell = np.int64(cells[i])
+            else:  # all but the last few are in: what buckets still hold
+                if at < last:
+                    insert_one(flat, at, f, cells, bucket, stride, filled)
+                    at += 1
                     continue
-                h, k = cell // m, cell % m
-                set_cell(b, width, h, k, c)
-                corner = h * split * wide + k * split
-                for i in range(8):
-                    sums[8 * LEAST_R + i], marks[BLOCK + i] = np.inf, 0
-                for at in range(begins[cell], begins[cell + 1], BLOCK):
-                    here = min(BLOCK, begins[cell + 1] - at)
-                    if weigh:
-                        for i in range(0, here, 8):
-                            compare_and_weigh_eight(flat, rank, first, at, here, w, i, c, marks, sums)
-                    else:
-                        for i in range(0, here, 8):
-                            compare_eight(flat, rank, first, at, here, w, i, c, marks, sums)
-                    for i in range(here):
-                        r, micro = w[RESIDUAL * BLOCK + i], corner + np.int64(marks[i])
-                        many[micro] += 1
-                        if r > most[micro]:
-                            most[micro] = r
-                            where[2 * micro] = h + w[LOCAL_U * BLOCK + i]
-                            where[2 * micro + 1] = k + w[LOCAL_V * BLOCK + i]
-                            high[micro] = w[HEIGHT * BLOCK + i]
-                for i in range(8):
-                    least[cell] = min(least[cell], sums[8 * LEAST_R + i])
-                    quarters[cell] |= np.uint8(marks[BLOCK + i])
-                if weigh:
-                    for i in range(16):
-                        total = 0.0
-                        for j in range(8):
-                            total += sums[8 * i + j]
-                            sums[8 * i + j] = 0.0
-                        all_sums[16 * cell + i] += total
+                while cell < 0 and rest < n * m:
+                    if filled[rest] > 0:
+                        cell = rest
+                    rest += 1
+                if cell < 0:
+                    break
+            run, held = cell * stride, np.int64(filled[cell])
+            count_here = min(held, room) if rest == 0 else held
+            filled[cell] = held - count_here
+            ends = (count_here + 7) // 8 * 8
+            for i in range(count_here, ends):
+                copy_record(bucket, run, bucket, run + i)
+            h, k = cell // m, cell % m
+            set_cell(b, width, h, k, c)
+            if weigh:
+                compare_and_weigh_run(bucket, run, count_here, c, residual, marks, here_many, all_sums, sums, 16 * cell)
+            else:
+                compare_run(bucket, run, count_here, c, residual, marks, here_many, all_sums, sums, 16 * cell)
+            least[cell] = min(least[cell], sums[LEAST_R])
+            quarters[cell] |= np.uint8(marks[ends])
+            corner, higher = h * split * wide + k * split, 0
+            for i in range(split * split):
+                many[corner + aside[i]] += here_many[i]
+            for i in range(count_here):  # without branches: which is higher cannot be foretold
+                todo[higher] = i
+                higher += 1 if residual[i] > most[corner + aside[marks[i]]] else 0
+            for j in range(higher):
+                i = np.int64(todo[j])
+                micro = corner + aside[marks[i]]
+                if residual[i] > most[micro]:
+                    most[micro] = residual[i]
+                    where[2 * micro] = h + bucket[RECORD * (run + i) + LOCAL_U]
+                    where[2 * micro + 1] = k + bucket[RECORD * (run + i) + LOCAL_V]
+                    high[micro] = bucket[RECORD * (run + i) + HEIGHT]
+            for i in range(filled[cell]):  # came into the full bucket with the last eight
+                copy_record(bucket, run + count_here + i, bucket, run + i)
         for i in range(8):
-            totals[part, 0] += sums[8 * SUM_Z + i]
-            totals[part, 1] += sums[8 * SUM_R + i]
+            totals[part, 0] += sums[SUM_Z + i]
+            totals[part, 1] += sums[SUM_R + i]

@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from surfel.bounding.vectors import EIGHT, F64, I32, I64, address, every, fused, load, pick
+from surfel.bounding.vectors import EIGHT, F64, I32, I64, address, every, fused, load, pick, sums_of
 
 
 @intrinsic
@@ -57,35 +57,34 @@ def dot_run(typing, x, at, y, start, count):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def subtract_panel(typing, y, first, second, panel, row, start, length, count):  # type: ignore[no-untyped-def]
-    """Subtract eight columns from two rows of a flat array, ``count`` vectors of eight numbers each.
+def dot_tile(typing, x, first, second, step, eights, out):  # type: ignore[no-untyped-def]
+    """Write the products of four rows of a flat array and four others, each of some eights of numbers, to 16 places.
 
-    Column q lies at ``panel[q * length]``. From ``y[first + start]`` on its run from ``start`` on is taken off, times
-    its number at ``row``; from ``y[second + start]`` on likewise with its number at ``row + 1``.
+    The rows begin at ``x[first]`` and ``x[second]`` and ``step`` numbers further on each.
     """
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        left, right = (context.make_array(signature.args[i])(context, builder, values[i]).data for i in (0, 3))
-        _, first, second, _, row, start, length, count = values
-        columns = [builder.mul(length, ir.Constant(I64, q)) for q in range(8)]
-        factors = []
-        for more in (0, 1):
-            at = builder.add(row, ir.Constant(I64, more))
-            numbers = [builder.load(builder.gep(right, [builder.add(column, at)])) for column in columns]
-            factors.append([every(builder, builder.fneg(number)) for number in numbers])
-        with cgutils.for_range(builder, count) as loop:
-            here = builder.add(start, builder.mul(loop.index, ir.Constant(I64, 8)))
-            runs = [load(builder, right, builder.add(column, here), EIGHT) for column in columns]
-            for place, own in zip((first, second), factors, strict=True):
-                pointer = address(builder, left, builder.add(place, here), EIGHT)
-                total = builder.load(pointer, align=8, typ=EIGHT)
-                for factor, run in zip(own, runs, strict=True):
-                    total = fused(builder, factor, run, total)
-                builder.store(total, pointer, align=8)
+        left, right = (context.make_array(signature.args[i])(context, builder, values[i]).data for i in (0, 5))
+        zero = ir.Constant(EIGHT, [ir.Constant(F64, 0.0)] * 8)
+        sums = [cgutils.alloca_once_value(builder, zero) for _ in range(16)]
+        for total in sums:
+            builder.store(zero, total)
+        ways = [builder.mul(values[3], ir.Constant(I64, i)) for i in range(4)]
+        with cgutils.for_range(builder, values[4]) as loop:
+            here = builder.mul(loop.index, ir.Constant(I64, 8))
+            ones, others = (
+                [load(builder, left, builder.add(builder.add(at, here), way), EIGHT) for way in ways]
+                for at in values[1:3]
+            )
+            for i, total in enumerate(sums):
+                builder.store(fused(builder, ones[i // 4], others[i % 4], builder.load(total)), total)
+        for half in (0, 8):
+            joined = sums_of(builder, [builder.load(total) for total in sums[half : half + 8]])
+            builder.store(joined, address(builder, right, ir.Constant(I64, half), EIGHT), align=8)
         return context.get_dummy_value()
 
     i = types.int64
-    return types.void(y, i, i, panel, i, i, i, i), generate
+    return types.void(x, i, i, i, i, out), generate
 
 
 @intrinsic

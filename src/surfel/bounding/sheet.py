@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel.bounding.evaluate import derivatives
+from surfel.bounding.facing import cosines, in_domain
 from surfel.bounding.occupancy import HIGH, LEFT, LOW, RIGHT, WHOLE
 from surfel.bounding.rays import Hits, Sheet, find_hits
 from surfel.core.cast import Floats, read_only
@@ -78,18 +79,16 @@ class SplineSheet(Primitive):
 
     def find(self, lines: Lines, start: float, *, first_only: bool) -> Hits:
         """Find where lines meet the sheet, from a t on; see :func:`surfel.bounding.rays.find_hits`."""
-        return find_hits(self._cells, *self._in_domain(lines.origins, lines.directions), start, first_only=first_only)
+        return find_hits(self._cells, *self._in_domain(lines), start, first_only=first_only)
 
-    def crossings(self, lines: Lines, hits: Hits, inverse: Floats | None = None) -> Crossings:
-        """Return hits as crossings: with the cosine between line and normal."""
-        which = np.repeat(np.arange(len(lines)), np.diff(hits.offsets))
-        origins, directions = self._in_domain(lines.origins, lines.directions)
-        uv = origins[which, :2] + hits.t[:, None] * directions[which, :2]
-        gradient, _ = self._gradients(np.clip(uv, 0.0, self.spline.frame.cells))
-        along = np.einsum("ij,ij->i", lines.directions[which], gradient)
-        turned = gradient if inverse is None else gradient @ inverse[:, :3]
-        cosine = along / np.sqrt(np.einsum("ij,ij->i", turned, turned))
-        return Crossings(hits.offsets, hits.t, cosine, np.ones(len(which)), np.zeros(len(which), np.int32))
+    def crossings(self, lines: Lines, start: float, *, first_only: bool, inverse: Floats | None = None) -> Crossings:
+        """Return where lines meet the sheet as crossings: with the cosine between line and normal."""
+        placed, frame = self._in_domain(lines), self.spline.frame
+        hits = find_hits(self._cells, *placed, start, first_only=first_only)
+        turn = frame.rotation if inverse is None else frame.rotation @ inverse[:, :3]
+        axes = self._outward * turn * np.array([[-frame.scale[0]], [-frame.scale[1]], [1.0]])
+        cosine = cosines(self.spline.coefficients, *placed, hits, axes, self._outward)
+        return Crossings(hits.offsets, hits.t, cosine, np.ones(len(hits.t)), np.zeros(len(hits.t), np.int32))
 
     @cached_property
     def _cells(self) -> Sheet:
@@ -99,13 +98,9 @@ class SplineSheet(Primitive):
     def _outward(self) -> float:
         return -1.0 if self.spline.side == "below" else 1.0
 
-    def _in_domain(self, origins: Floats, directions: Floats) -> tuple[Floats, Floats]:
-        """Return lines in domain coordinates; t stays what it is."""
-        frame = self.spline.frame
-        uv, heights = frame.to_domain(origins)
-        turned = directions @ frame.rotation.T
-        turned[:, :2] *= frame.scale
-        return np.column_stack([uv, heights]), turned
+    def _in_domain(self, lines: Lines) -> tuple[Floats, Floats]:
+        """Return origins and directions of lines in domain coordinates; t stays what it is."""
+        return in_domain(lines.origins, lines.directions, self.spline.frame)
 
     def _gradients(self, uv: Floats) -> tuple[Floats, Floats]:
         """Return heights and outward normals, not of unit length but with 1 along the direction, both over uv."""
@@ -128,10 +123,10 @@ class SplineSheet(Primitive):
             np.ascontiguousarray(lines.directions @ inverse[:, :3].T),
             lines.weights,
         )
-        return self.crossings(own, self.find(own, -np.inf, first_only=False), inverse)
+        return self.crossings(own, -np.inf, first_only=False, inverse=inverse)
 
     def _cross(self, lines: Lines) -> Crossings:
-        return self.crossings(lines, self.find(lines, -np.inf, first_only=False))
+        return self.crossings(lines, -np.inf, first_only=False)
 
     def _sample(self, uv: Floats) -> Patches:
         places = _spread(self.spline.trim, uv)

@@ -12,7 +12,7 @@ import numpy as np
 
 from surfel.bounding.candidates import Rows
 from surfel.bounding.corners import corners_of, over_corners
-from surfel.bounding.energy import energy
+from surfel.bounding.energy import Tether, no_matrix
 from surfel.bounding.evaluate import values
 from surfel.bounding.fast import fit_fast
 from surfel.bounding.interior import Walk
@@ -48,6 +48,9 @@ TETHER = 3e-5
 """Price of a coefficient's distance from the surface to start from, in its mean gap: a coefficient with next to no
 weight at any point would otherwise run off for a gain that is next to nothing."""
 
+STIFF = 1e-2
+"""Weight of bending beside that price."""
+
 CLOSE = 1e-9
 """Mean gap, in half ranges, below which a surface is taken as it is: what is left is rounding."""
 
@@ -76,7 +79,8 @@ def fit_tight(job: Job) -> Outcome:
         surface = job.scale.outward(job.unknowns.spread(start))
         return Outcome(surface, reference.rounds, 0, (rows, z, np.zeros(len(z))))
     price = TETHER * (float(cost @ start) - level)
-    walk = Walk(rows, z, cost, level, *_tether(job, price, start), start, weight / weight.sum())
+    tether = Tether(job.unknowns, STIFF * price, price, price * start)
+    walk = Walk(rows, z, cost, level, tether, start, weight / weight.sum())
     _arrive(job, walk, start)
     x = walk.x if _is_better(walk.x, start, cost) else start
     surface = job.scale.outward(job.unknowns.spread(x))
@@ -115,13 +119,6 @@ def _is_better(x: Floats, start: Floats, cost: Floats) -> bool:
     return bool(np.isfinite(x).all() and np.abs(x).max() <= TAME and float(cost @ x) <= float(cost @ start))
 
 
-def _tether(job: Job, price: float, center: Floats) -> tuple[Floats, Floats]:
-    """Return the energy of the distance from a surface, with a little bending: its band matrix and its pull."""
-    quadratic = energy(job.unknowns, 1e-2 * price, 0.0)
-    quadratic[:, -1 - PAD] += price
-    return quadratic, price * center
-
-
 def dual_bound(job: Job, duals: Duals, residuals: Residuals) -> float:
     """Return a mean gap that no safe spline with coefficients within ten ranges of the middle goes below."""
     cost, level = job.unknowns.collect(residuals.mean_weights()), _level(job, residuals)
@@ -145,7 +142,7 @@ def _proven(job: Job, rows: Rows, z: Floats, y: Floats, cost: Floats) -> tuple[f
         if charge <= 1e-9 or charge > 0.5 * before:
             break
         before = charge
-        band = energy(job.unknowns, 0.0, 0.0)
+        band = no_matrix(job.unknowns)
         rows.add_normal(y, band)
         band[:, -1 - PAD] += 1e-15 + 1e-12 * band[:, -1 - PAD]
         if not factorize(band):

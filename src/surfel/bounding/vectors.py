@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
 from numba.core import cgutils
 
-F64, I32, I64 = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
+F64, I8, I32, I64 = ir.DoubleType(), ir.IntType(8), ir.IntType(32), ir.IntType(64)
 FOUR, EIGHT = ir.VectorType(F64, 4), ir.VectorType(F64, 8)
 EIGHT_WHOLE, EIGHT_PLACES = ir.VectorType(I32, 8), ir.VectorType(I64, 8)
 
@@ -68,6 +69,28 @@ class Lanes:
         return other.value if isinstance(other, Lanes) else ir.Constant(EIGHT, [ir.Constant(F64, float(other))] * 8)
 
 
+class Sum:
+    """Eight numbers that go on from turn to turn of a loop."""
+
+    def __init__(self, builder: Any, start: Any) -> None:
+        self.builder, self._pointer = builder, cgutils.alloca_once_value(builder, start)
+
+    @property
+    def value(self) -> Lanes:
+        """How they stand."""
+        return Lanes(self.builder, self.builder.load(self._pointer))
+
+    def put(self, lanes: Lanes) -> None:
+        """Let them stand otherwise."""
+        self.builder.store(lanes.value, self._pointer)
+
+    def joined(self) -> Any:
+        """Return the least of the eight."""
+        return halved(
+            self.builder, self.value.value, lambda a, b: Lanes(self.builder, a).least(Lanes(self.builder, b)).value
+        )
+
+
 class Flat:
     """The memory of a flat array, to be read and written by eight lanes."""
 
@@ -79,35 +102,42 @@ class Flat:
         """Return the eight numbers from a place on."""
         return Lanes(self.builder, load(self.builder, self.data, self._place(place), EIGHT))
 
+    def number(self, place: Any) -> Any:
+        """Return the number at a place."""
+        return self.builder.load(self.builder.gep(self.data, [self._place(place)]), align=8, typ=F64)
+
     def one(self, place: Any) -> Lanes:
         """Return eight times the number at a place."""
-        value = self.builder.load(self.builder.gep(self.data, [self._place(place)]), align=8, typ=F64)
-        return Lanes(self.builder, every(self.builder, value))
-
-    def taken(self, places: list[Any]) -> Lanes:
-        """Return the numbers at eight places, one by one: gathers are slow where processors guard them."""
-        value = ir.Constant(EIGHT, ir.Undefined)
-        for lane, place in enumerate(places):
-            number = self.builder.load(self.builder.gep(self.data, [place]), align=8, typ=F64)
-            value = self.builder.insert_element(value, number, ir.Constant(I32, lane))
-        return Lanes(self.builder, value)
+        return Lanes(self.builder, every(self.builder, self.number(place)))
 
     def put(self, place: Any, lanes: Lanes) -> None:
         """Write eight numbers."""
         self.builder.store(lanes.value, address(self.builder, self.data, self._place(place), EIGHT), align=8)
 
     def put_whole(self, place: Any, whole: Any) -> None:
-        """Write eight integers of 32 bits."""
-        self.builder.store(whole, address(self.builder, self.data, self._place(place), EIGHT_WHOLE), align=4)
-
-    def eight_whole(self, place: Any) -> Any:
-        """Return the eight integers of 32 bits from a place on."""
-        return self.builder.load(
-            address(self.builder, self.data, self._place(place), EIGHT_WHOLE), align=4, typ=EIGHT_WHOLE
-        )
+        """Write integers of 32 bits."""
+        self.builder.store(whole, address(self.builder, self.data, self._place(place), whole.type), align=4)
 
     def _place(self, place: Any) -> Any:
         return ir.Constant(I64, place) if isinstance(place, int) else place
+
+
+def sums_of(builder: Any, vectors: list[Any]) -> Any:
+    """Return the sums of eight vectors as one: neighbours are added in pairs, three times."""
+    even, odd = list(range(0, 16, 2)), list(range(1, 16, 2))
+    while len(vectors) > 1:
+        vectors = [
+            builder.fadd(pick_of_two(builder, left, right, even), pick_of_two(builder, left, right, odd))
+            for left, right in zip(vectors[::2], vectors[1::2], strict=True)
+        ]
+    return vectors[0]
+
+
+def halved(builder: Any, vector: Any, join: Callable[[Any, Any], Any]) -> Any:
+    """Return what is left when the halves of eight lanes are joined three times."""
+    for lanes in ([0, 1, 2, 3], [0, 1], [0]):
+        vector = join(pick(builder, vector, lanes), pick(builder, vector, [len(lanes) + lane for lane in lanes]))
+    return builder.extract_element(vector, ir.Constant(I32, 0))
 
 
 def fused(builder: Any, a: Any, b: Any, c: Any) -> Any:
