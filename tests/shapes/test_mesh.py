@@ -279,6 +279,15 @@ def test_coordinates_near_the_largest_float_give_the_box_that_they_are():
 
 
 @pytest.mark.data
+@pytest.mark.parametrize("asked", ["area", "volume", "inverted", "face_normals", "vertex_normals"])
+def test_coordinates_without_a_cube_are_refused_where_they_are_multiplied(asked):
+    vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    triangles = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    assert Mesh(vertices * 9e99, triangles).volume == pytest.approx(0.9**3 * 1e300 / 6.0)
+    with pytest.raises(InputError, match="scale it down"):
+        getattr(Mesh(vertices * 3e200, triangles), asked)
+
+
 def test_the_limit_of_the_count_is_the_area_and_that_of_the_chords_the_volume():
     mesh = load("horse.ply")
     lines = lines_through(mesh.bounds, 1_000_000)

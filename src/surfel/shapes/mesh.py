@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 _JUDGES = np.array([[0.3015, 0.5371, 0.7878], [-0.6713, 0.7049, 0.2289], [0.7291, -0.2113, 0.6510]])
 """Directions in which parity is counted: generic, and far from each other."""
 
+_LARGEST = 1e100  # coordinates beyond have no cube
+
 
 class Mesh(Shape):
     """A surface of triangles, immutable.
@@ -251,6 +253,8 @@ class Mesh(Shape):
     def _unit_length(self) -> float:
         """A power of two near the largest coordinate: in this unit no product over- or underflows."""
         largest = float(np.abs(self._vertices).max(initial=0.0))
+        if largest > _LARGEST:
+            raise InputError(f"a coordinate of the mesh is {largest:g}, whose cube a number cannot hold; scale it down")
         return math.ldexp(1.0, math.frexp(largest)[1] - 1) if largest > 0.0 else 1.0
 
     @cached_property
