@@ -173,3 +173,16 @@ def test_points_at_random_leave_hardly_a_hole():
         inside = np.isfinite(truth)
         seen_through += np.count_nonzero(inside & ~(np.abs(image.depth - np.where(inside, truth, 0.0)) < 0.2))
     assert seen_through <= 12
+
+
+def test_vertices_on_an_edge_whose_normals_lie_between_two_faces_do_not_stick_out():
+    """As scans and meshes have them: cut by neither face, their disks swelled this outline by 2.3 %."""
+    import trimesh
+
+    made = trimesh.creation.box((2, 2, 2))
+    for _ in range(4):
+        made = made.subdivide()
+    image = surfel.render(surfel.Surfels(made.vertices, normals=made.vertex_normals), CAMERA, (320, 240), smooth=False)
+    exact = surfel.render(surfel.Box(2), CAMERA, (320, 240), smooth=False)
+    different = np.count_nonzero((image.ids >= 0) != (exact.ids >= 0))
+    assert different <= 0.009 * np.count_nonzero(exact.ids >= 0)

@@ -11,10 +11,10 @@ from surfel._numba import rows, threads_for
 from surfel.core.cast import Booleans, Floats
 
 SPREAD = 0.7
-"""Neighbours whose normals make a smaller cosine than this lie on another sheet."""
+"""Neighbours whose normals make a smaller cosine than this lie over a crease."""
 
 _MOST = 2  # other sheets: three meet in a corner
-_ONE_SHEET = 0.85  # least cosine among the normals of one of these
+_ONE_SHEET = 0.85  # least cosine among the normals of one sheet; vertices on an edge have a normal between two
 _FEW = 2  # surfels that agree make a sheet; a single one may be a stray
 
 
@@ -53,8 +53,9 @@ def _find(first, last, points, normals, radii, near, creased, counts, found):
         taken[:] = False
         for a in range(near.shape[1]):
             j = near[i, a]
-            taken[a] = normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz >= SPREAD
-            creased[i] = creased[i] or not taken[a]
+            cosine = normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz
+            taken[a] = cosine >= _ONE_SHEET
+            creased[i] = creased[i] or cosine < SPREAD
         for _ in range(_MOST):
             lead = -1
             for a in range(near.shape[1]):

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from surfel._numba import rows, threads_for
 from surfel.rendering.disks import CLIPPED, CREASE, EDGE, ELLIPTIC, PAINTED, Disks
-from surfel.rendering.eights import LANES, load_fours, pick, ramp, some, store_fours
+from surfel.rendering.eights import LANES, pick, ramp, some
+from surfel.rendering.eights import load_fours as load
+from surfel.rendering.eights import store_fours as store
 from surfel.rendering.fragments import Fragments
 from surfel.rendering.places import STRIDE, Places, chosen, listed, touched
 from surfel.rendering.placing import PIXEL, TILE, Placed, View
@@ -76,26 +78,9 @@ def draw(
 
 @rows
 def _draw(
-    first,
-    last,
-    tiles,
-    slot,
-    offsets,
-    whole,
-    reach,
-    most,
-    disks,
-    placed,
-    motions,
-    view,
-    fullest,
-    depth,
-    normal,
-    color,
-    out_leaf,
-    out_row,
-    state,
-):
+    first, last, tiles, slot, offsets, whole, reach, most, disks, placed, motions, view, fullest, depth, normal, color,
+    out_leaf, out_row, state,
+):  # fmt: skip
     """Draw some tiles, in two passes each; those that face the camera come first, and hide most of the others.
 
     A disk is cut by eight lines of sight at once. Numbers of surfels are kept as floats as well, which are exact.
@@ -105,14 +90,8 @@ def _draw(
     flags, leaf, clips, planes, own, row = disks.flags, disks.leaf, disks.clips, disks.planes, disks.axes, disks.row
     cuts = disks.cuts
     slope, middle, size, cx, cy, width, height = (
-        view.slope,
-        view.depth,
-        view.size,
-        view.cx,
-        view.cy,
-        view.width,
-        view.height,
-    )
+        view.slope, view.depth, view.size, view.cx, view.cy, view.width, view.height
+    )  # fmt: skip
     across, special = -(-width // TILE), CLIPPED | ELLIPTIC
     grid = np.empty(_PLANES * most, np.float32)
     begins, sums = np.empty(TILE * (TILE + 1), np.int32), np.zeros((TILE + 1) * (TILE + 1), np.int32)
@@ -168,12 +147,8 @@ def _draw(
                     )
                     record[k, 0], record[k, 1], record[k, 2], record[k, 3] = sx, sy, pixel, ez
                     record[k, 4], record[k, 5], record[k, 6] = nx, ny, nz
-                    record[k, 7], record[k, 8], record[k, 9], record[k, 10] = (
-                        _ONE / (r * r),
-                        r,
-                        cosine,
-                        felt(bends[i], r, cosine, pixel, slope),
-                    )
+                    record[k, 7], record[k, 8], record[k, 9] = _ONE / (r * r), r, cosine
+                    record[k, 10] = felt(bends[i], r, cosine, pixel, slope)
                     if flags[i] & EDGE and len(cuts) > 0:
                         a, b, c = cuts[i, 0], cuts[i, 1], cuts[i, 2]
                         record[k, 11] = motions[m, 0, 0] * a + motions[m, 0, 1] * b + motions[m, 0, 2] * c
@@ -196,7 +171,7 @@ def _draw(
                             beside, others = np.uint64(count), 0
                             if y + STRIDE < y1:
                                 beside, others = np.uint64(begins[y + STRIDE + x0]), number
-                        x, row_y = load_fours(xs, at, beside), load_fours(ys, at, beside)
+                        x, row_y = load(xs, at, beside), load(ys, at, beside)
                         u, z, qx, qy, qz = fragment(
                             x, row_y, sx, sy, pixel, ez, nx, ny, nz, inverse, bend, slope, cx, cy
                         )
@@ -206,26 +181,23 @@ def _draw(
                             inside = u < _ONE
                             u = pick(inside, u, in_pixels(x, row_y, sx, sy))
                             z = pick(inside, z, ez)
-                        known = load_fours(grid, at, beside)
+                        known = load(grid, at, beside)
                         if not blend:
                             hit = (u < _ONE) & (z < known)
                             if some(hit):
-                                store_fours(grid, at, beside, pick(hit, z, known))
-                                store_fours(
-                                    grid,
-                                    best + at,
-                                    best + beside,
-                                    pick(hit, me, load_fours(grid, best + at, best + beside)),
+                                store(grid, at, beside, pick(hit, z, known))
+                                store(
+                                    grid, best + at, best + beside, pick(hit, me, load(grid, best + at, best + beside))
                                 )
-                                store_fours(
+                                store(
                                     grid,
                                     label + at,
                                     label + beside,
-                                    pick(hit, mine, load_fours(grid, label + at, label + beside)),
+                                    pick(hit, mine, load(grid, label + at, label + beside)),
                                 )
                             continue
                         over = z - known  # what lies beyond the run's end belongs to the next row, and is met there
-                        same = (u < _ONE) & (over <= gate) & (load_fours(grid, label + at, label + beside) == mine)
+                        same = (u < _ONE) & (over <= gate) & (load(grid, label + at, label + beside) == mine)
                         lane = ramp()
                         free = pick(
                             lane < _HALF_LANES, lane - np.float32(number), lane - np.float32(others + LANES // 2)
@@ -236,71 +208,58 @@ def _draw(
                         weight = pick(same, (_ONE - u) * (_ONE - u) + LEAST, _ZERO)
                         if creased:  # blend nothing over a sharp edge with what is nearest
                             cosine = (
-                                nx * load_fours(grid, on_x + at, on_x + beside)
-                                + ny * load_fours(grid, on_y + at, on_y + beside)
-                                + nz * load_fours(grid, on_z + at, on_z + beside)
+                                nx * load(grid, on_x + at, on_x + beside)
+                                + ny * load(grid, on_y + at, on_y + beside)
+                                + nz * load(grid, on_z + at, on_z + beside)
                             )
                             if mark & CREASE:
                                 weight = pick(cosine < ALIKE, _ZERO, weight)
                             else:
-                                weight = pick(cosine < load_fours(grid, sharp + at, sharp + beside), _ZERO, weight)
-                        store_fours(
-                            grid,
-                            weights + at,
-                            weights + beside,
-                            load_fours(grid, weights + at, weights + beside) + weight,
-                        )
-                        store_fours(
+                                weight = pick(cosine < load(grid, sharp + at, sharp + beside), _ZERO, weight)
+                        store(grid, weights + at, weights + beside, load(grid, weights + at, weights + beside) + weight)
+                        store(
                             grid,
                             behind + at,
                             behind + beside,
-                            load_fours(grid, behind + at, behind + beside) + weight * pick(same, over, _ZERO),
+                            load(grid, behind + at, behind + beside) + weight * pick(same, over, _ZERO),
                         )
-                        store_fours(
-                            grid, at_x + at, at_x + beside, load_fours(grid, at_x + at, at_x + beside) + weight * nx
-                        )
-                        store_fours(
-                            grid, at_y + at, at_y + beside, load_fours(grid, at_y + at, at_y + beside) + weight * ny
-                        )
-                        store_fours(
-                            grid, at_z + at, at_z + beside, load_fours(grid, at_z + at, at_z + beside) + weight * nz
-                        )
+                        store(grid, at_x + at, at_x + beside, load(grid, at_x + at, at_x + beside) + weight * nx)
+                        store(grid, at_y + at, at_y + beside, load(grid, at_y + at, at_y + beside) + weight * ny)
+                        store(grid, at_z + at, at_z + beside, load(grid, at_z + at, at_z + beside) + weight * nz)
                         if mark & PAINTED:
-                            store_fours(
+                            store(
                                 grid,
                                 at_red + at,
                                 at_red + beside,
-                                load_fours(grid, at_red + at, at_red + beside) + weight * red,
+                                load(grid, at_red + at, at_red + beside) + weight * red,
                             )
-                            store_fours(
+                            store(
                                 grid,
                                 at_green + at,
                                 at_green + beside,
-                                load_fours(grid, at_green + at, at_green + beside) + weight * green,
+                                load(grid, at_green + at, at_green + beside) + weight * green,
                             )
-                            store_fours(
+                            store(
                                 grid,
                                 at_blue + at,
                                 at_blue + beside,
-                                load_fours(grid, at_blue + at, at_blue + beside) + weight * blue,
+                                load(grid, at_blue + at, at_blue + beside) + weight * blue,
                             )
                         if mark & EDGE:
-                            store_fours(
-                                grid, doubt + at, doubt + beside, load_fours(grid, doubt + at, doubt + beside) + weight
-                            )
+                            store(grid, doubt + at, doubt + beside, load(grid, doubt + at, doubt + beside) + weight)
                             if len(cuts) > 0:
                                 rise = record[k, 11] * qx + record[k, 12] * qy + record[k, 13] * qz + record[k, 14]
-                                store_fours(
+                                store(
                                     grid,
                                     above + at,
                                     above + beside,
-                                    load_fours(grid, above + at, above + beside) + weight * pick(same, rise, _ZERO),
+                                    load(grid, above + at, above + beside) + weight * pick(same, rise, _ZERO),
                                 )
-                                store_fours(
+                                store(
                                     grid,
                                     off + at,
                                     off + beside,
-                                    load_fours(grid, off + at, off + beside) + weight * record[k, 15],
+                                    load(grid, off + at, off + beside) + weight * record[k, 15],
                                 )
             if run == 0:
                 farthest = -_INF
