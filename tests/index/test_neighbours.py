@@ -181,21 +181,22 @@ def test_one_and_two_threads_give_the_same_bits(name):
     assert all(np.array_equal(a, b) for a, b in zip(*results, strict=True))
 
 
+@pytest.mark.parametrize("k", [1, 9])
 @pytest.mark.parametrize(
-    "name", ["volume", "sphere", "uneven", "each 40 times", "coordinates of a map", "far clusters"]
+    "name", ["volume", "sphere", "uneven", "grid", "each 40 times", "coordinates of a map", "far clusters"]
 )
-def test_nearest_to_other_places_are_those_of_scipy(name):
+def test_nearest_to_other_places_are_those_of_scipy(name, k):
     points = CLOUDS[name]
     low, high = points.min(axis=0), points.max(axis=0)
     near = points[RNG(0).integers(len(points), size=1500)]
     queries = np.concatenate([near, near * 0.999 + high * 0.001, low + (high - low) * RNG(1).normal(size=(300, 3))])
     index = PointIndex(points)
-    squares, neighbours = index.knn_of(queries, 9)
+    squares, neighbours = index.knn_of(queries, k)
     there = queries - index.origin
     gap = index.points[neighbours] - there[:, None]
     assert np.array_equal(squares, (gap[..., 0] ** 2 + gap[..., 1] ** 2) + gap[..., 2] ** 2)
-    expected, _ = cKDTree(index.points).query(there, k=9)
-    np.testing.assert_allclose(np.sqrt(squares), expected, rtol=1e-13)
+    expected, _ = cKDTree(index.points).query(there, k=k)
+    np.testing.assert_allclose(np.sqrt(squares), expected.reshape(squares.shape), rtol=1e-13)
 
 
 def test_a_place_far_away_and_in_the_middle_of_a_sphere():

@@ -109,8 +109,8 @@ def goes_on(points, normals, near, j, h, fx, fy, fz, cx, cy, cz, line, where, pr
 def over_edge(points, normals, near, flat, i, j, h, px, py, pz, count, proof, through):
     """Unfold neighbour j of point i, whose normals differ, over the line in which their planes meet.
 
-    px, py, pz hold the offsets of ``count`` neighbours that share the plane of i; as many as ``proof`` of them show that
-    it goes on beyond the edge, and ``through`` that the plane of j does (0: that is not asked). Returns (verdict, x, y,
+    px, py, pz hold the offsets of ``count`` neighbours that share the plane of i; ``proof`` of them tell that it
+    goes on beyond the edge, and ``through`` that the plane of j does (0: that is not asked). Returns (verdict, x, y,
     z): 0 where j is no neighbour on the surface, 1 where it is but not over a flat edge (it is then laid out as on a
     smooth surface), 2 with the unfolded offset from i.
     """
