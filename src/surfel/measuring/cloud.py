@@ -26,6 +26,16 @@ TOO_COARSE = 0.12
 """An interval wider than this share of the value, to either side, means that the points do not show the shape."""
 
 
+COARSE = 0.25
+"""Share of the error of the area that is one of the volume: detail that costs area costs volume as well."""
+
+LEAKED = 0.25
+"""Standard error of the volume for lines that leak, as a share of it times theirs."""
+
+OVER_SMOOTH, OVER_EDGES = 0.1, 0.3
+"""Standard errors of the volume between the triangles and the curved surface, as shares of it."""
+
+
 def measure_cloud(
     cloud: Surfels, method: str, count_lines: Callable[[], LineResult], weigh_inside: Callable[[], LineResult]
 ) -> Measurement:
@@ -136,10 +146,11 @@ def _solid_of_cloud(
     surface: CloudSurface, found: LineResult, area: Estimate, closed: bool
 ) -> tuple[Estimate, Estimate, Estimate]:
     """Add to the lines' errors what the surface between the points leaves open, and what leaks away."""
-    depth = depth_error(surface)
-    volume = float(found.volume.value)
-    coarse = 0.5 * float(area.standard_error) / float(area.value)  # edges and detail that cost area cost volume as well
-    unsure = float(combine_errors(depth * float(area.value), 0.25 * found.leak * volume, coarse * volume))
+    volume, depth = float(found.volume.value), depth_error(surface) * float(area.value)
+    coarse = COARSE * float(area.standard_error) / float(area.value) * volume
+    over = surface.bulge
+    parts = depth, coarse, LEAKED * found.leak * volume, OVER_SMOOTH * over.smooth, OVER_EDGES * over.edges
+    unsure = math.hypot(*parts)
     relative = unsure / volume
     size = float(np.cbrt(volume))
     reason = "" if closed else f"the surface is open: {found.leak:.1%} of the lines that hit leak"

@@ -18,6 +18,7 @@ from surfel.core.lines import Lines
 from surfel.core.patches import Patches
 from surfel.index.bvh import TriangleBvh
 from surfel.lines.bundles import Bundles
+from surfel.shapes.bulge import Bulge, bulge_of
 from surfel.shapes.sheets import CloudCrossings, crossings_of
 from surfel.surface.close_sheets import SHARE_FITTED, faces_one_way, has_close_sheets
 from surfel.surface.fans import STAR, Fans, build_fans
@@ -198,6 +199,11 @@ class CloudSurface:
         )  # fmt: skip
 
     @property
+    def bulge(self) -> Bulge:
+        """The volume between the triangles that lines cross and the curved surface that they stand for."""
+        return self._once("bulge", self._bulge)
+
+    @property
     def leak(self) -> float:
         """Share of the lines that hit which pass an odd number of sheets, on a few lines; NaN where none hit."""
         return self._once("leak", self._leak_of_few_lines)
@@ -277,6 +283,11 @@ class CloudSurface:
             normals,
             local.hood.spacing[fans.owner],
         )
+
+    def _bulge(self) -> Bulge:
+        fans, _, normals, _ = self._once("fans", self._crossable)
+        found = bulge_of(fans, normals)
+        return Bulge(*(volume * self.scale**3 for volume in found))
 
     def _once(self, name: str, make: Callable[[], Value]) -> Value:
         with self._lock:

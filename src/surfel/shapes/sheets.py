@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import inner, rows, threads_for
+from surfel._numba import inlined, inner, rows, threads_for
 from surfel.core.cast import Floats
 from surfel.core.crossings import Crossings
 from surfel.core.lines import Lines
@@ -15,6 +16,12 @@ from surfel.index.bvh import Hits
 
 ALIKE = 0.7
 """Least cosine between the planes of two hits on one sheet: at an edge a line passes two sheets close together."""
+
+FACING = 0.2
+"""Least cosine between a triangle and the normals at its corners for it to be bent: beyond it spans two sheets."""
+
+FARTHEST = 4.0
+"""Spacings that a hit is moved along its line at most. Where lines graze, far moves make up for those that miss."""
 
 GAP = 0.5
 """Hits nearer than this share of the spacing, along the line's normal distance, may be one sheet."""
@@ -103,8 +110,9 @@ def _bend(
 ):
     """Move each hit from the flat triangle to the surface through its corners that bends with their normals.
 
-    Over corners a, b, c with weights w the height is ``sum over pairs w_i w_j (p_j - p_i) . (n_j - n_i) / 2``, exact
-    on a sphere and on a cylinder to the second order.
+    Over corners a, b, c with weights w the height is the sum of ``w_i w_j rise_ij`` over pairs: exact in the middle of
+    arcs, and everywhere to the second order. Over an edge of the solid, which triangles cut off, it gives back most of
+    what is missing.
     """
     for k in range(first, last):
         f, which = triangle[k], line[k]
@@ -128,29 +136,29 @@ def _bend(
         h = (spacing[a] + spacing[b] + spacing[c]) / 3.0
         gap[k] = min(GAP * h / max(abs(along), 0.1), 2.0 * h)
         t[k] = flat_t[k]
-        if min(abs(side_a), abs(side_b), abs(side_c)) > 0.85 and abs(along) > 1e-3:
-            sa = 1.0 if side_a > 0.0 else -1.0
-            sb = 1.0 if side_b > 0.0 else -1.0
-            sc = 1.0 if side_c > 0.0 else -1.0
+        if min(abs(side_a), abs(side_b), abs(side_c)) > FACING and abs(along) > 1e-3:
             wb, wc = bary[k, 0], bary[k, 1]
             wa = 1.0 - wb - wc
-            ab = (
-                ux * (sb * normals[b, 0] - sa * normals[a, 0])
-                + uy * (sb * normals[b, 1] - sa * normals[a, 1])
-                + uz * (sb * normals[b, 2] - sa * normals[a, 2])
-            )
-            ac = (
-                vx * (sc * normals[c, 0] - sa * normals[a, 0])
-                + vy * (sc * normals[c, 1] - sa * normals[a, 1])
-                + vz * (sc * normals[c, 2] - sa * normals[a, 2])
-            )
-            bc = (
-                (vx - ux) * (sc * normals[c, 0] - sb * normals[b, 0])
-                + (vy - uy) * (sc * normals[c, 1] - sb * normals[b, 1])
-                + (vz - uz) * (sc * normals[c, 2] - sb * normals[b, 2])
-            )
-            height = 0.5 * (wa * wb * ab + wa * wc * ac + wb * wc * bc)
-            t[k] += max(-h, min(h, height / along))
+            sa, sb, sc = math.copysign(1.0, side_a), math.copysign(1.0, side_b), math.copysign(1.0, side_c)
+            ax, ay, az = sa * normals[a, 0], sa * normals[a, 1], sa * normals[a, 2]
+            bx, by, bz = sb * normals[b, 0], sb * normals[b, 1], sb * normals[b, 2]
+            cx, cy, cz = sc * normals[c, 0], sc * normals[c, 1], sc * normals[c, 2]
+            ab = rise(ux, uy, uz, ax, ay, az, bx, by, bz)
+            ac = rise(vx, vy, vz, ax, ay, az, cx, cy, cz)
+            bc = rise(vx - ux, vy - uy, vz - uz, bx, by, bz, cx, cy, cz)
+            height = wa * wb * ab + wa * wc * ac + wb * wc * bc
+            t[k] += max(-FARTHEST * h, min(FARTHEST * h, height / along))
+
+
+@inlined
+def rise(x, y, z, ax, ay, az, bx, by, bz):
+    """Return four times how far an arc between two ends stands above its chord, from the chord and the unit normals.
+
+    An arc of the radius r that turns by 2 u rises by ``r (1 - cos u)``; its chord, times the difference of its
+    normals, is ``4 r sin(u)^2``.
+    """
+    half = math.sqrt(max(0.0, 0.5 * (1.0 + ax * bx + ay * by + az * bz)))
+    return (x * (bx - ax) + y * (by - ay) + z * (bz - az)) / (1.0 + half)
 
 
 @inner
