@@ -93,6 +93,13 @@ def test_hopeless_clouds_raise_nothing(hopeless):
             assert np.isfinite(result.surfels.points).all()
 
 
+@pytest.mark.parametrize(("count", "said"), [(12, True), (400, False)])
+def test_clouds_of_a_few_surfels_are_told_of(count, said):
+    few, many = ball(count, 1, radius=0.5), ball(2000, 2)
+    found = surfel.combine(many - few.translated((0.9, 0.0, 0.0)))
+    assert any("operand 1 has 12 surfels" in text for text in found.warnings) == said
+
+
 def test_the_judges_are_named():
     result = surfel.combine(ball(3000, 1).with_judge("two-cluster") | ball(3000, 2, x=1.0), judge="nearest")
     assert [judge[0] for judge in result.judges] == ["two-cluster", "nearest"]

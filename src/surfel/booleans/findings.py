@@ -7,6 +7,9 @@ from typing import NamedTuple
 from surfel.booleans.leaf import CloudLeaf
 from surfel.inside.classify import Classifier
 
+FEW = 50
+"""Surfels below which a cloud hardly shows what lies inside it."""
+
 
 class Findings(NamedTuple):
     """What a combination says of its operands.
@@ -47,6 +50,8 @@ def _warnings(k: int, space: Classifier) -> list[str]:
     turned = float(space.flipped.mean()) if len(space.flipped) else 0.0
     if turned > 0.0:
         found.append(f"operand {k}: {turned:.1%} of the normals faced the wrong way and were turned")
+    if len(space.operand) < FEW:
+        found.append(f"operand {k} has {len(space.operand)} surfels, too few to show what lies inside: that is a guess")
     strays = int(space.operand.strays.sum())
     if strays:
         found.append(
