@@ -17,6 +17,7 @@ from surfel.rendering.clip_buffer import Layers, layers_of
 from surfel.rendering.disks import Disks
 from surfel.rendering.fragments import Fragments
 from surfel.rendering.lists import lists_at
+from surfel.rendering.pinholes import close_pinholes
 from surfel.rendering.places import CENTRE, Places
 from surfel.rendering.placing import Placed, View, place, view_of
 from surfel.rendering.raster import AWAY, RIM, STATES, TURNED, UNSURE, draw
@@ -71,6 +72,8 @@ class Frame:
             pixels = self._window(item) if item.exact else np.empty(0, np.int64)
             if len(pixels):
                 self._put_cast(seen, item, pixels, *Places(pixels, CENTRE).columns_and_rows(self.size[0]))
+        if self.scene.splats:
+            close_pinholes(seen, self.view)
         return seen
 
     def at(self, places: Places) -> Fragments:

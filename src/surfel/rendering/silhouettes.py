@@ -9,10 +9,16 @@ from surfel._numba import rows, threads_for
 from surfel.rendering.fragments import Fragments
 from surfel.rendering.placing import View
 
-_JUMP = np.float32(4.0)  # pixels, in the depth beyond what the slopes of the two surfaces explain
-_BEND = np.float32(0.8)
+JUMP = np.float32(4.0)
+"""Pixels, in the depth beyond what the slopes of the two surfaces explain."""
+
+BEND = np.float32(0.8)
 """Neighbours whose normals make a smaller cosine than this lie on two sides of an edge."""
-_ZERO, _LEAST = np.float32(0.0), np.float32(0.05)
+
+LEAST = np.float32(0.05)
+"""Surfaces are taken to be turned towards the eye by this cosine at least."""
+
+_ZERO = np.float32(0.0)
 
 
 def silhouettes(seen: Fragments, view: View) -> NDArray[np.int64]:
@@ -50,6 +56,6 @@ def _find(first, last, depth, normal, leaf, view, edge):
                     continue
                 cosine = normal[p, 0] * normal[q, 0] + normal[p, 1] * normal[q, 1] + normal[p, 2] * normal[q, 2]
                 pixel = (middle + min(depth[p], depth[q])) * slope if slope > _ZERO else size
-                flat = max(min(abs(normal[p, 2]), abs(normal[q, 2])), _LEAST)
-                if cosine < _BEND or abs(depth[q] - depth[p]) * flat > _JUMP * pixel:
+                flat = max(min(abs(normal[p, 2]), abs(normal[q, 2])), LEAST)
+                if cosine < BEND or abs(depth[q] - depth[p]) * flat > JUMP * pixel:
                     edge[p] = edge[q] = True
