@@ -143,3 +143,15 @@ def sphere_hits(origins: Floats, directions: Floats, radius: float = 1.0) -> lis
         middle, square = -float(o @ d), radius**2 - float(o @ o) + float(o @ d) ** 2
         found.append([middle - math.sqrt(square), middle + math.sqrt(square)] if square > 0.0 else [])
     return found
+
+
+def dense(band):
+    """Return the symmetric matrix of a padded band of its lower half, as the bounds store it."""
+    from surfel.bounding.normal import PAD
+
+    size, width = band.shape[0], band.shape[1] - 1 - PAD
+    full = np.zeros((size, size))
+    for i in range(size):
+        for c in range(max(0, width - i), width + 1):
+            full[i, i - width + c] = full[i - width + c, i] = band[i, c]
+    return full

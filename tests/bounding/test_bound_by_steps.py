@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import surfel
+from naive import dense
 from surfel._numba import kernel
 from surfel.bounding.candidates import Rows
 from surfel.bounding.energy import Tether, energy
@@ -13,7 +14,7 @@ from surfel.bounding.evaluate import values
 from surfel.bounding.frame import rotation_onto
 from surfel.bounding.interior import Walk
 from surfel.bounding.iterated import Products, _Grid, conjugate_gradients, start_coarse, upper_by_steps
-from surfel.bounding.normal import PAD, unknowns_of
+from surfel.bounding.normal import unknowns_of
 from surfel.bounding.passes import survey
 from surfel.bounding.reference import STRETCHING, least_squares
 from surfel.bounding.runs import dot_run
@@ -79,15 +80,6 @@ def test_the_energy_without_a_matrix_is_that_of_the_matrix(shape, boundary):
     assert np.abs(tether.force(x) - (pull - 0.5 * x - full @ x)).max() < 1e-10
     loose = tether.loosened(0.1, x)
     assert np.abs(loose.force(x)).max() < 1e-14 and (loose.bending, loose.price) == (0.1 * 0.3, 0.1 * 0.5)
-
-
-def dense(band):
-    size, width = band.shape[0], band.shape[1] - 1 - PAD
-    full = np.zeros((size, size))
-    for i in range(size):
-        for c in range(max(0, width - i), width + 1):
-            full[i, i - width + c] = full[i - width + c, i] = band[i, c]
-    return full
 
 
 def hilly(uv, size):

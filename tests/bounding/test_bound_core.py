@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import NdBSpline
 
+from naive import dense
 from surfel._numba import threads_for
 from surfel.bounding.buckets import Buckets, room_of
 from surfel.bounding.candidates import Rows
@@ -202,15 +203,6 @@ def test_a_matrix_that_is_not_positive_is_told():
     band = energy(unknowns_of((5, 5), "open"), 1.0, 0.0)
     band[:, -1 - PAD] -= 1.0
     assert not factorize(band)
-
-
-def dense(band):
-    size, width = band.shape[0], band.shape[1] - 1 - PAD
-    full = np.zeros((size, size))
-    for i in range(size):
-        for c in range(max(0, width - i), width + 1):
-            full[i, i - width + c] = full[i - width + c, i] = band[i, c]
-    return full
 
 
 @pytest.mark.parametrize("boundary", ["open", "clamped"])

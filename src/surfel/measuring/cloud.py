@@ -25,7 +25,6 @@ RAGGED = 0.025
 TOO_COARSE = 0.12
 """An interval wider than this share of the value, to either side, means that the points do not show the shape."""
 
-
 COARSE = 0.25
 """Share of the error of the area that is one of the volume: detail that costs area costs volume as well."""
 
@@ -150,7 +149,7 @@ def _solid_of_cloud(
     coarse = COARSE * float(area.standard_error) / float(area.value) * volume
     over = surface.bulge
     parts = depth, coarse, LEAKED * found.leak * volume, OVER_SMOOTH * over.smooth, OVER_EDGES * over.edges
-    unsure = math.hypot(*parts)
+    unsure = float(combine_errors(*parts))
     relative = unsure / volume
     size = float(np.cbrt(volume))
     reason = "" if closed else f"the surface is open: {found.leak:.1%} of the lines that hit leak"
