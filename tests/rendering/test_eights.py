@@ -8,7 +8,19 @@ import numpy as np
 import pytest
 
 from surfel._numba import kernel
-from surfel.rendering.eights import LANES, load, load_fours, pick, ramp, root, some, store, store_fours
+from surfel.rendering.eights import (
+    LANES,
+    add_fours,
+    equal,
+    load,
+    load_fours,
+    pick,
+    ramp,
+    root,
+    some,
+    store,
+    store_fours,
+)
 
 A = np.array([1.5, -2.0, 0.0, 3.25, -0.0, 1e20, -7.0, 0.125], np.float32)
 B = np.array([0.5, -2.0, 4.0, -1.0, 2.0, 1e-3, 7.0, 0.125], np.float32)
@@ -110,6 +122,44 @@ def test_fours_come_from_two_places_and_go_to_two():
     assert (np.delete(target, [1, 2, 3, 4, 12, 13, 14, 15]) == -1.0).all()
     _moved_in_fours(source, np.uint64(0), np.uint64(4), np.uint64(6), np.uint64(8), target)
     np.testing.assert_array_equal(target[6:12], [0, 1, 4, 5, 6, 7])  # where both meet, the second stays
+
+
+@kernel
+def _added_in_fours(target, at, beside, source):
+    add_fours(target, at, beside, load(source, np.uint64(0)))
+
+
+def test_fours_are_added_one_after_the_other():
+    source, target = np.arange(1, 9, dtype=np.float32), np.full(20, 100.0, np.float32)
+    _added_in_fours(target, np.uint64(3), np.uint64(12), source)
+    np.testing.assert_array_equal(target[3:7], [101, 102, 103, 104])
+    np.testing.assert_array_equal(target[12:16], [105, 106, 107, 108])
+    assert (np.delete(target, [3, 4, 5, 6, 12, 13, 14, 15]) == 100.0).all()
+    _added_in_fours(target, np.uint64(8), np.uint64(10), source)
+    np.testing.assert_array_equal(target[8:12], [101, 102, 108, 110])  # where both meet, both count
+
+
+@kernel
+def _equal(numbers, at, other):
+    return equal(numbers, at, other)
+
+
+@kernel
+def _either(a, one, other):
+    return some((load(a, np.uint64(0)) < one) | (load(a, np.uint64(0)) > other))
+
+
+@pytest.mark.parametrize("lane", range(LANES))
+def test_every_lane_counts_where_numbers_are_equal_or_one_of_two_holds(lane):
+    numbers = np.tile(np.arange(-3, 5, dtype=np.int32), 2)
+    assert _equal(numbers, np.uint64(0), np.uint64(8))
+    numbers[8 + lane] += 1
+    assert not _equal(numbers, np.uint64(0), np.uint64(8))
+    values = np.zeros(LANES, np.float32)
+    assert not _either(values, np.float32(-1.0), np.float32(1.0))
+    for value in (-2.0, 2.0):
+        values[lane] = value
+        assert _either(values, np.float32(-1.0), np.float32(1.0))
 
 
 @kernel

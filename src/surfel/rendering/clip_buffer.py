@@ -21,7 +21,8 @@ from surfel.rendering.lists import Lists
 from surfel.rendering.places import Places
 from surfel.rendering.placing import PIXEL, View
 from surfel.rendering.projection import depth_of, height_over, normal_of, projected
-from surfel.rendering.raster import ALIKE, BLEND, FAR, THIN
+from surfel.rendering.raster import BLEND, FAR
+from surfel.rendering.tiles import ALIKE, THIN
 
 MOST = 6
 """Sheets that are looked at along a line of sight; the first that no cut may pass is the last."""

@@ -110,6 +110,16 @@ def _and(_context: Any, builder: Any, _sig: Any, values: Any) -> Any:
     return builder.and_(*values)
 
 
+@infer_global(operator.or_)
+class _Or(ConcreteTemplate):  # type: ignore[misc]
+    cases = [signature(_TRUTHS, _TRUTHS, _TRUTHS)]  # noqa: RUF012
+
+
+@lower_builtin(operator.or_, EightTruths, EightTruths)  # type: ignore[untyped-decorator]
+def _or(_context: Any, builder: Any, _sig: Any, values: Any) -> Any:
+    return builder.or_(*values)
+
+
 @intrinsic
 def ramp(typing):  # type: ignore[no-untyped-def]
     """Return 0, 1, ... 7."""
@@ -128,6 +138,21 @@ def load(typing, flat, at):  # type: ignore[no-untyped-def]
         return builder.load(_pointer(context, builder, sig, values[0], values[1], _VECTOR), align=4)
 
     return _EIGHT(flat, types.uint64), generate
+
+
+@intrinsic
+def equal(typing, numbers, at, other):  # type: ignore[no-untyped-def]
+    """Return whether ``numbers[at : at + 8]``, of 32 bits, are those from ``other`` on."""
+
+    def generate(context: Any, builder: Any, sig: Any, values: Any) -> Any:
+        kind, byte = ir.VectorType(_I32, LANES), ir.IntType(LANES)
+        one, two = (
+            builder.load(_pointer(context, builder, sig, values[0], place, kind), align=4) for place in values[1:]
+        )
+        unlike = builder.bitcast(builder.icmp_signed("!=", one, two), byte)
+        return builder.icmp_unsigned("==", unlike, ir.Constant(byte, 0))
+
+    return types.boolean(numbers, types.uint64, types.uint64), generate
 
 
 @intrinsic
@@ -160,12 +185,31 @@ def store_fours(typing, flat, at, beside, eight):  # type: ignore[no-untyped-def
 
     def generate(context: Any, builder: Any, sig: Any, values: Any) -> Any:
         for first, place in ((0, values[1]), (LANES // 2, values[2])):
-            lanes = ir.Constant(ir.VectorType(_I32, LANES // 2), list(range(first, first + LANES // 2)))
-            half = builder.shuffle_vector(values[3], ir.Constant(_VECTOR, ir.Undefined), lanes)
+            half = _half(builder, values[3], first)
             builder.store(half, _pointer(context, builder, sig, values[0], place, _HALF), align=4)
         return context.get_dummy_value()
 
     return types.void(flat, types.uint64, types.uint64, _EIGHT), generate
+
+
+@intrinsic
+def add_fours(typing, flat, at, beside, eight):  # type: ignore[no-untyped-def]
+    """Add four floats to ``flat[at : at + 4]`` and then four to ``flat[beside : beside + 4]``."""
+
+    def generate(context: Any, builder: Any, sig: Any, values: Any) -> Any:
+        for first, place in ((0, values[1]), (LANES // 2, values[2])):
+            place = _pointer(context, builder, sig, values[0], place, _HALF)
+            sum_ = builder.fadd(builder.load(place, align=4), _half(builder, values[3], first))
+            builder.store(sum_, place, align=4)
+        return context.get_dummy_value()
+
+    return types.void(flat, types.uint64, types.uint64, _EIGHT), generate
+
+
+def _half(builder: Any, eight: Any, first: int) -> Any:
+    """Return four of eight."""
+    lanes = ir.Constant(ir.VectorType(_I32, LANES // 2), list(range(first, first + LANES // 2)))
+    return builder.shuffle_vector(eight, ir.Constant(_VECTOR, ir.Undefined), lanes)
 
 
 def _pointer(context: Any, builder: Any, sig: Any, flat: Any, at: Any, kind: Any) -> Any:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel.core.cast import Booleans
+from surfel.rendering.memory import room
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +52,11 @@ class Fragments:
     def room(cls, count: int) -> Fragments:
         """Return room for fragments that are all going to be written."""
         return cls(
-            np.empty(count, np.float32),
-            np.empty((count, 3), np.float32),
-            np.empty((count, 3), np.uint8),
-            np.empty(count, np.int32),
-            np.empty(count, np.int32),
+            room(count, np.float32),
+            room((count, 3), np.float32),
+            room((count, 3), np.uint8),
+            room(count, np.int32),
+            room(count, np.int32),
         )
 
     def __len__(self) -> int:

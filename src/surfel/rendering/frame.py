@@ -20,8 +20,9 @@ from surfel.rendering.lists import lists_at
 from surfel.rendering.pinholes import close_pinholes
 from surfel.rendering.places import CENTRE, Places
 from surfel.rendering.placing import Placed, View, place, view_of
-from surfel.rendering.raster import AWAY, RIM, STATES, TURNED, UNSURE, draw
+from surfel.rendering.raster import draw
 from surfel.rendering.scene import Item, Scene, box_of
+from surfel.rendering.tiles import AWAY, RIM, STATES, TURNED, UNSURE
 from surfel.rendering.verdicts import kept
 from surfel.shapes.mesh import Mesh
 from surfel.shapes.surfels import Surfels

@@ -65,7 +65,7 @@ def _bound(first, last, tiles, placed, view, slot, offsets, reach, most, room):
         tile = tiles[t]
         left, top = (tile % across) * TILE, (tile // across) * TILE
         right, bottom = min(left + TILE, width) - 1, min(top + TILE, height) - 1
-        listed(False, slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys)
+        listed(slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys)
         total = 0
         for entry in range(runs[2 * tile], runs[2 * tile + 2]):
             total += touched(np.uint64(entries[entry]), box, reach, left, right, top, bottom, sums)[4]
@@ -108,7 +108,7 @@ def _gather(
         tile = tiles[t]
         left, top = (tile % across) * TILE, (tile // across) * TILE
         right, bottom = min(left + TILE, width) - 1, min(top + TILE, height) - 1
-        listed(False, slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys)
+        listed(slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys)
         room, found = begin_of[t + 1] - begin_of[t], 0
         z_here, weight_here = np.empty(room, np.float32), np.empty(room, np.float32)
         who_here, line_here = np.empty(room, np.int32), np.empty(room, np.int64)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from surfel._numba import inner, kernel, rows, threads_for
+from surfel.rendering.eights import LANES, load, some
 from surfel.rendering.fragments import Fragments
 from surfel.rendering.placing import View
 from surfel.rendering.silhouettes import BEND, JUMP, LEAST
@@ -47,17 +48,22 @@ def close_pinholes(seen: Fragments, view: View) -> None:
 def _find(first, last, depth, normal, leaf, row, view, found):
     """Mark pinholes, each found from a pixel that is deeper than its left one; marks are only set, whoever does it."""
     width, height = np.int64(view.width), np.int64(view.height)
-    slope, middle, size = view.slope, view.depth, view.size
+    slope, one = view.slope, np.uint64(1)
+    least = view.depth * slope if slope > _ZERO else view.size
     hole = np.empty(MOST, np.int64)
-    for p in range(first * width + 1, last * width):
-        near = depth[p - 1]
-        if not near < depth[p]:
-            continue
-        jump = JUMP * ((middle + near) * slope if slope > _ZERO else size)
-        if depth[p] - near > jump:
-            deep = near + min(_HALF * (depth[p] - near), _DEEP * jump)
-            for i in range(_count_closed(p, width, height, deep, jump, depth, normal, leaf, row, hole)):
-                found[hole[i]] = True
+    for begin in range(first * width + 1, last * width, LANES):
+        at, end = np.uint64(begin), min(begin + LANES, last * width)
+        if begin + LANES <= len(depth):
+            before = load(depth, at - one)
+            if not some(load(depth, at) - before > JUMP * (least + slope * before)):
+                continue
+        for p in range(begin, end):
+            near = depth[p - 1]
+            jump = JUMP * (least + slope * near)
+            if depth[p] - near > jump:
+                deep = near + min(_HALF * (depth[p] - near), _DEEP * jump)
+                for i in range(_count_closed(p, width, height, deep, jump, depth, normal, leaf, row, hole)):
+                    found[hole[i]] = True
 
 
 @inner

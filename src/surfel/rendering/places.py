@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from surfel._numba import inlined
 from surfel.core.cast import Floats
 from surfel.rendering.eights import LANES
+from surfel.rendering.memory import room
 from surfel.rendering.placing import TILE, View
 
 CENTRE = np.zeros((1, 2), np.float32)
@@ -64,7 +65,8 @@ def chosen(view: View, places: Places | None = None) -> Chosen:
     across, down = -(-view.width // TILE), -(-view.height // TILE)
     if places is None:
         return Chosen(np.arange(across * down), np.empty(0, np.int32), CENTRE, True, 0, view.width * view.height)
-    slot = np.full(view.width * view.height, -1, np.int32)
+    slot = room(view.width * view.height, np.int32)
+    slot.fill(-1)
     slot[places.pixels] = np.arange(len(places.pixels), dtype=np.int32)
     held = np.zeros(across * down, np.bool_)
     held[(places.pixels // view.width // TILE) * across + places.pixels % view.width // TILE] = True
@@ -72,7 +74,7 @@ def chosen(view: View, places: Places | None = None) -> Chosen:
 
 
 @inlined
-def listed(whole, slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys):
+def listed(slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys):
     """List the places of a tile, and return how many there are.
 
     ``begins[33 y + x]`` is how many come before a pixel, ``sums[33 y + x]`` how many chosen pixels lie above and to the
@@ -85,11 +87,7 @@ def listed(whole, slot, left, right, top, bottom, width, offsets, begins, sums, 
             begins[at + x] = count
             sums[at + STRIDE + x] = sums[at + x] + total
             p = row * width + left + np.int64(x)
-            if whole:
-                total += 1
-                lines[count], xs[count], ys[count] = p, np.float32(np.int64(x) + left), np.float32(row)
-                count += 1
-            elif slot[p] >= 0:
+            if slot[p] >= 0:
                 total += 1
                 for s in range(places):
                     lines[count] = slot[p] * places + s
@@ -99,6 +97,21 @@ def listed(whole, slot, left, right, top, bottom, width, offsets, begins, sums, 
         begins[at + columns] = count
         sums[at + STRIDE + columns] = sums[at + columns] + total
     return count
+
+
+@inlined
+def all_listed(left, right, top, bottom, width, begins, sums, lines, xs, ys):
+    """List the centres of all pixels of a tile, as :func:`listed` does."""
+    columns, one = np.uint64(right + 1 - left), np.uint64(1)
+    for y in range(np.uint64(bottom + 1 - top)):
+        at, row, place = STRIDE * y, np.int64(y) + top, y * columns
+        for x in range(columns + one):
+            begins[at + x] = np.int32(place) + np.int32(x)
+            sums[at + STRIDE + x] = np.int32(x) * np.int32(y + one)
+        for x in range(columns):
+            lines[place + x] = row * width + left + np.int64(x)
+            xs[place + x], ys[place + x] = np.float32(left + np.int64(x)), np.float32(row)
+    return (right + 1 - left) * (bottom + 1 - top)
 
 
 @inlined

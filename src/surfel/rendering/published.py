@@ -18,7 +18,8 @@ from surfel.rendering.frame import Frame
 from surfel.rendering.lists import Lists, lists_at
 from surfel.rendering.places import CENTRE, Places
 from surfel.rendering.projection import normal_of
-from surfel.rendering.raster import BLEND, UNSURE
+from surfel.rendering.raster import BLEND
+from surfel.rendering.tiles import UNSURE
 from surfel.rendering.verdicts import kept, sides_of
 
 _SIDE_UNKNOWN = np.uint8(255)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from surfel._numba import inlined, rows, threads_for
 from surfel.rendering.eights import LANES, load, pick, ramp, root, some, store
 from surfel.rendering.fragments import Fragments
+from surfel.rendering.memory import room
 from surfel.rendering.placing import View
 
 KEY = np.array([-0.42, -0.55, -0.72]) / math.sqrt(0.42**2 + 0.55**2 + 0.72**2)
@@ -54,17 +55,17 @@ def developed(seen: Fragments, view: View, background: NDArray[np.uint8]) -> Dev
         Red, green and blue.
     """
     shape = (view.height, view.width)
-    found = Developed(np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32))
+    found = Developed(room((*shape, 3), np.uint8), room(shape, np.float32))
     grid = (seen.depth.reshape(shape), seen.normal.reshape(*shape, 3), seen.color.reshape(*shape, 3))
     radius = max(3.0, _REACH * view.height)
     rim = int(radius) + 1
-    wide = np.empty((view.height + 2 * rim, view.width + 2 * rim + LANES), np.float32)
+    wide = room((view.height + 2 * rim, view.width + 2 * rim + LANES), np.float32)
     wide[:rim] = wide[-rim:] = wide[:, :rim] = wide[:, rim + view.width :] = np.inf
     wide[rim : rim + view.height, rim : rim + view.width] = grid[0]
     with threads_for(30 * len(seen)):
         _develop(
-            view.height, *grid, view, _pattern(radius), np.float32(radius), background, _LINEAR, _BYTES, wide,
-            np.int64(rim), *found,
+            view.height, *grid, view, _pattern(radius), np.float32(radius), np.tile(background, view.width), _LINEAR,
+            _BYTES, wide, np.int64(rim), *found,
         )  # fmt: skip
     return found
 
@@ -112,55 +113,56 @@ def _pattern(radius: float) -> NDArray[np.int64]:
 
 @inlined
 def _strength(nx, ny, nz):
-    """Return how bright a surface is by its normal in the camera's frame, and the sheen on it."""
-    diffuse = max(nx * _KEY_X + ny * _KEY_Y + nz * _KEY_Z, _ZERO)
-    sheen = max(nx * _HALF_X + ny * _HALF_Y + nz * _HALF_Z, _ZERO)
+    """Return how bright a surface is by its normal in the camera's frame, and the sheen on it; or eight surfaces."""
+    diffuse, ahead = nx * _KEY_X + ny * _KEY_Y + nz * _KEY_Z, -nz
+    sheen = nx * _HALF_X + ny * _HALF_Y + nz * _HALF_Z
+    diffuse, ahead = pick(diffuse > _ZERO, diffuse, _ZERO), pick(ahead > _ZERO, ahead, _ZERO)
+    sheen = pick(sheen > _ZERO, sheen, _ZERO)
     for _ in range(5):
-        sheen *= sheen
-    bright = _AMBIENT + _HEAD * max(-nz, _ZERO) + _KEY * diffuse + _SKY * (_HALF - _HALF * ny)
+        sheen = sheen * sheen
+    bright = _HEAD * ahead + _KEY * diffuse + _SKY * (_HALF - _HALF * ny) + _AMBIENT
     return bright, _SHEEN * sheen
 
 
 @rows
 def _develop(
-    first, last, depth, normal, color, view, pattern, radius, background, linear, encoded, wide, rim, pixels, light
+    first, last, depth, normal, color, view, pattern, radius, ground, linear, encoded, wide, rim, pixels, light
 ):
     """Develop some rows, eight pixels at once."""
     width = depth.shape[1]
     slope, middle, size, cx, cy = view.slope, view.depth, view.size, view.cx, view.cy
     stride = wide.shape[1]
-    around, most = wide.reshape(-1), np.float32(len(encoded) - 1)
-    nx, ny, nz = np.zeros(LANES, np.float32), np.zeros(LANES, np.float32), np.zeros(LANES, np.float32)
-    lit = np.empty(LANES, np.float32)
-    none = np.uint64(0)
+    around, most, one = wide.reshape(-1), np.float32(len(encoded) - 1), _ONE
+    lanes, none, eight = np.zeros(8 * LANES, np.float32), np.uint64(0), np.uint64(LANES)
     for y in range(first, last):
+        bytes_of = pixels[y].reshape(-1)
+        for x in range(np.uint64(width)):
+            light[y, x] = one
+        for k in range(np.uint64(3 * width)):
+            bytes_of[k] = ground[k]
         for begin in range(0, width, LANES):
-            number = min(LANES, width - begin)
             z = load(around, np.uint64((y + rim) * stride + begin + rim))
-            if some(z < _INF):
-                for lane in range(number):
-                    nx[lane], ny[lane], nz[lane] = (
-                        normal[y, begin + lane, 0], normal[y, begin + lane, 1], normal[y, begin + lane, 2]
-                    )  # fmt: skip
-                store(
-                    lit, none,
-                    _reached(
-                        around, stride, rim, begin, y, z, load(nx, none), load(ny, none), load(nz, none), slope, middle,
-                        size, cx, cy, pattern, radius,
-                    ),
-                )  # fmt: skip
-            for lane in range(number):
-                x = begin + lane
-                if not depth[y, x] < _INF:
-                    light[y, x] = _ONE
-                    for k in range(3):
-                        pixels[y, x, k] = background[k]
-                    continue
-                light[y, x] = lit[lane]
-                bright, sheen = _strength(nx[lane], ny[lane], nz[lane])
-                for k in range(3):
-                    value = lit[lane] * (linear[color[y, x, k]] * bright + sheen)
-                    pixels[y, x, k] = encoded[np.int32(min(value, _ONE) * most)]
+            if not some(z < _INF):
+                continue
+            number = min(LANES, width - begin)
+            for lane in range(np.uint64(number)):
+                x = np.uint64(begin) + lane
+                for k in range(np.uint64(3)):
+                    lanes[k * eight + lane] = normal[y, x, k]
+                    lanes[(k + np.uint64(3)) * eight + lane] = linear[color[y, x, k]]
+            nx, ny, nz = load(lanes, none), load(lanes, eight), load(lanes, eight + eight)
+            lit = _reached(around, stride, rim, begin, y, z, nx, ny, nz, slope, middle, size, cx, cy, pattern, radius)
+            bright, sheen = _strength(nx, ny, nz)
+            for k in range(np.uint64(3), np.uint64(6)):
+                value = lit * (load(lanes, k * eight) * bright + sheen)
+                store(lanes, k * eight, pick(value < _ONE, value, _ONE) * most)
+            store(lanes, np.uint64(6) * eight, lit)
+            for lane in range(np.uint64(number)):
+                x = np.uint64(begin) + lane
+                if depth[y, x] < _INF:
+                    light[y, x] = lanes[np.uint64(6) * eight + lane]
+                    for k in range(np.uint64(3)):
+                        pixels[y, x, k] = encoded[np.int32(lanes[(k + np.uint64(3)) * eight + lane])]
 
 
 @inlined
@@ -178,6 +180,8 @@ def _reached(around, stride, rim, x, y, z, nx, ny, nz, slope, middle, size, cx, 
         ox = pixel * np.float32(h) + there * rise
         oy = pixel * np.float32(v) + rise * ((np.float32(y + v) - cy) * slope)
         over = nx * ox + ny * oy + nz * rise
+        if not some(over > _ZERO):
+            continue
         if k < 4:
             step = over / reach - _STEP
             front = front + pick((step > _ZERO) & (step < _INF), step, _ZERO)
