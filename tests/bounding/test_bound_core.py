@@ -8,7 +8,6 @@ from scipy.interpolate import NdBSpline
 
 from naive import dense
 from surfel._numba import threads_for
-from surfel.bounding.buckets import Buckets, room_of
 from surfel.bounding.candidates import Rows
 from surfel.bounding.certify import Lead, largest_gap, slack_of, violations
 from surfel.bounding.corners import corners_of, over_corners
@@ -67,15 +66,15 @@ def test_the_quarter_decides_on_the_trim():
     assert np.isnan(trimmed_values(c, trim, uv)).tolist() == [False] * 4 + [True]
 
 
-@pytest.mark.parametrize("count", [1, 7, 8, 119, 120, 121, 3000, 100_003])
+@pytest.mark.parametrize("count", [1, 7, 8, 31, 32, 33, 119, 3000, 100_003])
 def test_blocks_of_points_give_the_very_values_of_the_kernel(count):
     points = RNG.standard_normal((count, 3)) * [1.0, 5.0, 2.0]
     frame = laid(points)
     c = RNG.standard_normal((9, 8))
     uv, heights = frame.to_domain(points)
     residual = -heights - values(c, uv)
-    seen = no_residuals(frame, 4)
-    keep_residuals(seen, points, frame, c, -1.0)
+    seen, cells = no_residuals(frame, 4), np.empty(count, np.int32)
+    keep_residuals(seen, points, frame, c, -1.0, cells)
     assert seen.points == count and seen.total[0] == pytest.approx(-heights.sum())
     assert seen.largest.max() == residual.max() and seen.smallest.min() == residual.min()
     micro = np.minimum((uv - np.minimum(np.floor(uv), frame.cells - 1)) * 4, 3).astype(int)
@@ -88,13 +87,8 @@ def test_blocks_of_points_give_the_very_values_of_the_kernel(count):
     counts = np.zeros(seen.count.shape, np.int64)
     np.add.at(counts, (micro[:, 0], micro[:, 1]), 1)
     assert (counts == seen.count).all()
-    again, buckets = no_residuals(frame, 4), Buckets.of(count, 30)
-    keep_residuals(again, points, frame, c, -1.0, buckets, weigh=False)
-    for name in ("largest", "smallest", "uv", "height", "count", "occupancy", "total"):
-        assert (getattr(seen, name) == getattr(again, name)).all(), name
-    assert not again.moments.any()
     h, k = np.minimum(uv.astype(int), frame.cells - 1).T
-    assert (buckets.cells == h * frame.cells[1] + k).all()
+    assert (cells == h * frame.cells[1] + k).all()
     filled = np.isfinite(seen.by_cell())
     assert (filled == (seen.occupancy > 0)).all()
     bad, worst = violations(frame, -c, np.full(seen.occupancy.shape, WHOLE, np.uint8), points, "below")
@@ -102,13 +96,11 @@ def test_blocks_of_points_give_the_very_values_of_the_kernel(count):
 
 
 @pytest.mark.parametrize("split", [1, 2, 3, 4])
-@pytest.mark.parametrize(("cells", "room"), [(1, 104), (361, 24), (3481, 8), (10**6, 8)])
-def test_buckets_that_fill_at_once_lose_no_point(split, cells, room, monkeypatch):
-    assert room_of(cells) == room
-    monkeypatch.setattr("surfel.bounding.buckets.room_of", lambda cells: room)
+@pytest.mark.parametrize("size", [(9, 8), (8, 9), (9, 10), (9, 11)])
+def test_every_micro_cell_knows_its_points_and_the_highest_of_them(split, size):
     points = RNG.standard_normal((5003, 3))
     points[1000:3000] = points[1000] + 1e-3 * RNG.random((2000, 3))  # a run of points in one cell
-    frame, c = laid(points), RNG.standard_normal((9, 8))
+    frame, c = laid(points, (size[0] - 2, size[1] - 2)), RNG.standard_normal(size)
     uv, heights = frame.to_domain(points)
     seen = no_residuals(frame, split)
     keep_residuals(seen, points, frame, c, 1.0)
@@ -124,7 +116,9 @@ def test_buckets_that_fill_at_once_lose_no_point(split, cells, room, monkeypatch
     assert (seen.smallest == smallest).all()
     at = [np.flatnonzero((micro == place).all(axis=1)) for place in np.argwhere(count > 0)]
     worst = np.array([some[np.argmax(residual[some])] for some in at])
-    assert np.abs(seen.uv[count > 0] - uv[worst]).max() < 1e-14 and (seen.height[count > 0] == heights[worst]).all()
+    assert (seen.uv[count > 0] == uv[worst]).all() and (seen.height[count > 0] == heights[worst]).all()
+    weights = np.stack([values(unit.reshape(size), uv).sum() for unit in np.eye(c.size)]).reshape(size)
+    assert np.abs(seen.weights - 36.0 * weights).max() < 1e-9
     assert seen.mean_value(c) == pytest.approx(values(c, uv).mean(), abs=1e-12)
     assert seen.total == pytest.approx([heights.sum(), residual.sum()], abs=1e-9)
 
@@ -132,7 +126,7 @@ def test_buckets_that_fill_at_once_lose_no_point(split, cells, room, monkeypatch
 def test_a_surface_is_proven_where_it_leads_by_more_than_the_residuals():
     points = RNG.standard_normal((5000, 3))
     frame, reference = laid(points), RNG.standard_normal((9, 8))
-    seen, of = no_residuals(frame, 4), Buckets.of(5000, 30)
+    seen, of = no_residuals(frame, 4), np.empty(5000, np.int32)
     keep_residuals(seen, points, frame, reference, 1.0, of)
     uv, heights = frame.to_domain(points)
     cells = np.minimum(uv.astype(int), frame.cells - 1)
@@ -144,7 +138,7 @@ def test_a_surface_is_proven_where_it_leads_by_more_than_the_residuals():
     assert (low < over).all() and (over < high).all() and (high - low).max() < 0.31
     assert (lead.shortfall() < 0.0).all()
     gaps = values(surface, uv) - heights
-    assert largest_gap(lead, surface, frame, points, 1.0, of.cells) == gaps.max()
+    assert largest_gap(lead, surface, frame, points, 1.0, of) == gaps.max()
     assert seen.mean_gap(surface, reference) == pytest.approx(gaps.mean(), abs=1e-12)
     assert lead.gap_limits().max() >= gaps.max()
     # without a margin for rounding nothing is proven: a surface that just touches the worst point falls short there
@@ -250,5 +244,5 @@ def test_passes_add_up_over_chunks_and_give_the_same_bits_on_any_number_of_threa
     residuals = heights - values(c, uv)
     assert one.total[1] == pytest.approx(residuals.sum(), abs=1e-8)
     assert (one.largest.max(), one.smallest.min()) == (residuals.max(), residuals.min())
-    for name in ("largest", "smallest", "uv", "height", "count", "occupancy", "moments", "total"):
+    for name in ("largest", "smallest", "uv", "height", "count", "occupancy", "weights", "total"):
         assert (getattr(one, name) == getattr(two, name)).all(), name

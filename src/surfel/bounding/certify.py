@@ -86,14 +86,12 @@ def largest_gap(
     Points are evaluated where the bound on the gaps of their cell exceeds the largest that is known: first those of one
     cell, and mostly that is all.
     """
-    limits, numbers = lead.gap_limits().ravel(), frame.signed_numbers(sign)
+    limits, numbers, flat = lead.gap_limits().ravel(), frame.signed_numbers(sign), points.ravel()
     cell = int(limits.argmax())
-    largest = float(_largest_gap(points, numbers, surface, np.flatnonzero(cells == cell)))
+    one = np.where(np.arange(len(limits)) == cell, limits, -np.inf)
+    largest = float(_largest_gap(flat, numbers, surface, cells, one, -np.inf))
     limits[cell] = -np.inf
-    if limits.max() > largest:
-        some = np.flatnonzero((limits > largest)[cells])
-        largest = max(largest, float(_largest_gap(points, numbers, surface, some)))
-    return largest
+    return float(_largest_gap(flat, numbers, surface, cells, limits, largest)) if limits.max() > largest else largest
 
 
 def raised(coefficients: Floats, by_cell: Floats, clamped: bool = False) -> Floats:
@@ -136,12 +134,11 @@ def _around(values: Floats) -> Floats:
 
 
 @kernel
-def _largest_gap(p, f, b, some):
-    largest = -np.inf
-    for j in range(len(some)):
-        i = some[j]
-        u, v, z = project(f, p[i, 0], p[i, 1], p[i, 2])
-        largest = max(largest, value_at(b, u, v) - z)
+def _largest_gap(p, f, b, cells, limits, largest):
+    for i in range(len(cells)):
+        if limits[cells[i]] > largest:
+            u, v, z = project(f, p[3 * i], p[3 * i + 1], p[3 * i + 2])
+            largest = max(largest, value_at(b, u, v) - z)
     return largest
 
 

@@ -1,7 +1,8 @@
-"""Runs of points beside the spline of their cell: values, residuals and sums, by whole vectors.
+"""Eight points beside a spline: values, residuals and what the cells and micro-cells keep of them, in one go.
 
-The formulas are those of ``evaluate.value_in``, rounded alike: the numbers are the same to the last bit. What a cell
-needs lies in a flat array ``c``: SPLIT, and from ``NET`` on the 16 coefficients.
+Nothing is sorted and nothing gathered: the formulas of eight points run side by side, and each point meets the 16
+coefficients of its cell as four rows of four. The formulas are those of ``frame.project`` and ``evaluate.value_in``,
+rounded alike: the numbers are the same to the last bit.
 """
 
 from __future__ import annotations
@@ -9,115 +10,227 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba.core import types
 from numba.extending import intrinsic
 
-from surfel.bounding.records import part, records
+from surfel.bounding.records import columns_of, heights_of, part, places_of
 from surfel.bounding.vectors import (
     EIGHT,
     EIGHT_PLACES,
     EIGHT_WHOLE,
-    F64,
-    I8,
+    FOUR,
     I32,
     I64,
+    TWO,
     Flat,
     Lanes,
-    Sum,
+    address,
     every,
-    halved,
+    fused,
+    load,
+    pick,
     pick_of_two,
-    sums_of,
     whole_eight,
 )
 
-SPLIT, NET = 0, 1
-CONSTANTS = NET + 16
-"""Places in ``c``."""
+BLOCK = 32
+"""Points that are worked on together, step by step: then the processor has always some that do not wait."""
 
-SUM_Z, SUM_R, LEAST_R = 0, 8, 16
-SUMS = 17
-"""Where in the sums of runs stand: heights and residuals, eight each, and the least residual."""
+SUMS_OF = 8
+SUM_Z, SUM_R = 0, SUMS_OF
+WEIGHTS_U, WEIGHTS_V, LANES, COLUMNS, RECORDS, HEIGHTS = (16 + times * BLOCK for times in (0, 4, 8, 12, 16, 18))
+SCRATCH = HEIGHTS + BLOCK
+"""Places in the scratch: sums of heights and residuals, which go on, eight each. The rest is new each time: six times
+the weights along u and along v, point by point; those along v once more, for eight points side by side; heights;
+columns, the sums of the coefficients along u; and what each point would be as a record."""
+
+CELL, MICRO, CORNER, SHARE, BITS = (row * BLOCK for row in range(5))
+PLACES = 5 * BLOCK
+"""Places in the scratch of whole numbers, all of them new each time."""
+
+SPLIT, ACROSS, WIDE, WIDTH, STEP, APART = range(6)
+"""Numbers of the grid: micro-cells along a side of a cell; cells and micro-cells along v; coefficients along v, these
+rounded up to a multiple of four, and how many of them there are in a grid of sums."""
+
+LARGEST, WHO, TALLY = 0, 2, 3
+RECORD = 2
+"""A micro-cell's record, of two numbers of 64 bits: its largest residual; then, in 32 bits each, which point has that,
+and a tally: how many points there are, and above them four bits for the quarters of the cell that they lie in."""
+
+COUNTED = 28
+"""Bits of the tally that count."""
 
 
 @intrinsic
-def compare_run(typing, run, first, count, c, residuals, marks, many, moments, sums, at):  # type: ignore[no-untyped-def]
-    """Compare the ``count`` points of one cell, at most 120, whose records begin at that of number ``first``.
+def place_eight(typing, p, at, f, grid, lane, w, places):  # type: ignore[no-untyped-def]
+    """Write where the eight points from ``p[at]`` on lie, their weights and heights, as those from ``lane`` on."""
 
-    What follows them in the last eight repeats one of them. ``residuals[i]`` and ``marks[i]`` are each point's residual
-    and its micro-cell, counted in rows of SPLIT; ``many`` tells how many points these hold. ``marks[count]``, rounded
-    up to eights, has the quarters of the cell. In ``sums`` SUM_Z and SUM_R go on, LEAST_R is new.
-    """
-    i = types.int64
-    return types.void(run, i, i, c, residuals, marks, many, moments, sums, i), _comparison(weigh=False)
-
-
-@intrinsic
-def compare_and_weigh_run(typing, run, first, count, c, residuals, marks, many, moments, sums, at):  # type: ignore[no-untyped-def]
-    """Compare, and add the 16 sums of products of six times the weights of the points to ``moments[at]``."""
-    i = types.int64
-    return types.void(run, i, i, c, residuals, marks, many, moments, sums, i), _comparison(weigh=True)
-
-
-def _comparison(*, weigh: bool) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        run, c, out, whole, many, moments, total = (
-            Flat(context, builder, signature.args[i], values[i]) for i in (0, 3, 4, 5, 6, 7, 8)
-        )
-        first, count, begin = values[1], values[2], values[9]
-        zero, infinite = (ir.Constant(EIGHT, [ir.Constant(F64, x)] * 8) for x in (0.0, float("inf")))
-        kept = [Sum(builder, start) for start in [zero] * (18 if weigh else 2) + [infinite]]
-        sum_z, sum_r, least = kept[-3:]
-        bits = cgutils.alloca_once_value(builder, ir.Constant(EIGHT_WHOLE, [ir.Constant(I32, 0)] * 8))
-        counts = cgutils.alloca_once_value(builder, whole_eight([0] * 8))
-        rounded = builder.and_(builder.add(count, ir.Constant(I64, 7)), ir.Constant(I64, -8))
-        with cgutils.for_range(builder, builder.ashr(rounded, ir.Constant(I64, 3))) as loop:
-            lane = builder.mul(loop.index, ir.Constant(I64, 8))
-            s, t, height = records(run, builder.add(first, lane))
-            lanes = builder.add(every(builder, lane), whole_eight(list(range(8))))
-            counted = builder.icmp_signed("<", lanes, every(builder, count))
-            along_u, along_v = _weights(s), _weights(t)
-            residual = height - _value(c, along_u, along_v)
-            out.put(lane, residual)
-            a, b = (part(local, c.one(SPLIT)) for local in (s, t))
-            mark = a.times_plus(c.one(SPLIT), b).whole()
-            whole.put_whole(lane, mark)
-            builder.store(builder.or_(builder.load(bits), _quarters(builder, s, t)), bits)
-            # 16 numbers of four bits in each lane: no more than 15 points come into one
-            one = builder.zext(counted, EIGHT_PLACES)
-            shift = builder.shl(builder.zext(mark, EIGHT_PLACES), whole_eight([2] * 8))
-            builder.store(builder.add(builder.load(counts), builder.shl(one, shift)), counts)
-            sum_z.put(sum_z.value + height.where(counted, 0.0))
-            sum_r.put(sum_r.value + residual.where(counted, 0.0))
-            least.put(residual.least(least.value))
-            if weigh:
-                along_v = [weight.where(counted, 0.0) for weight in along_v]
-                for i in range(16):
-                    kept[i].put(along_u[i // 4].times_plus(along_v[i % 4], kept[i].value))
-        quarters = halved(builder, builder.load(bits), builder.or_)
-        builder.store(quarters, builder.gep(whole.data, [rounded]), align=4)
-        builder.store(least.joined(), builder.gep(total.data, [ir.Constant(I64, LEAST_R)]), align=8)
-        many.put_whole(0, _unpacked(builder, builder.load(counts)))
-        for row, more in ((SUM_Z, sum_z), (SUM_R, sum_r)):
-            total.put(row, total.eight(row) + more.value)
-        if weigh:
-            for half in (0, 8):
-                place = builder.add(begin, ir.Constant(I64, half))
-                more = sums_of(builder, [k.value.value for k in kept[half : half + 8]])
-                moments.put(place, moments.eight(place) + Lanes(builder, more))
+        p, frame, grid, w, places = (Flat(context, builder, signature.args[i], values[i]) for i in (0, 2, 3, 5, 6))
+        lane = values[4]
+        x, y, z = columns_of(builder, p, values[1])
+        (h, s), (k, t) = places_of(frame, x, y, z)
+        along_u, along_v = _weights(s), _weights(t)
+        _put_places(builder, places, grid, lane, (h, s), (k, t))
+        for row, weights in ((WEIGHTS_U, along_u), (WEIGHTS_V, along_v)):
+            for i, pair in enumerate(_by_points(builder, weights)):
+                w.put(_after(builder, lane, 4, row + 8 * i), Lanes(builder, pair))
+        for j in range(4):
+            w.put(_after(builder, lane, 4, LANES + 8 * j), along_v[j])
+        w.put(_after(builder, lane, 1, HEIGHTS), heights_of(frame, x, y, z))
         return context.get_dummy_value()
 
-    return generate
+    i = types.int64
+    return types.void(p, i, f, grid, i, w, places), generate
 
 
-def _unpacked(builder: Any, counts: Any) -> Any:
-    """Return 16 numbers of eight lanes, four bits each, as their sums over the lanes."""
-    bytes_of, mask = ir.VectorType(I8, 8), whole_eight([0x0F0F0F0F0F0F0F0F] * 8)
-    odd = builder.lshr(counts, whole_eight([4] * 8))
-    halves = [halved(builder, builder.and_(lanes, mask), builder.add) for lanes in (counts, odd)]
-    even, odd = (builder.bitcast(half, bytes_of) for half in halves)
-    both = pick_of_two(builder, even, odd, [8 * (i % 2) + i // 2 for i in range(16)])
-    return builder.zext(both, ir.VectorType(I32, 16))
+@intrinsic
+def weigh_point(typing, i, b, width, sums, step, w, places):  # type: ignore[no-untyped-def]
+    """Write the columns of the point in a lane, and add the products of its weights to ``sums``.
+
+    ``b`` has the coefficients in rows of ``width``, from end to end.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        b, sums, w, places = (Flat(context, builder, signature.args[i], values[i]) for i in (1, 3, 5, 6))
+        lane, _, width, _, step, _, _ = values
+        corner, share = (_whole(builder, places, row, lane) for row in (CORNER, SHARE))
+        column = None
+        factors, own = (load(builder, w.data, _after(builder, lane, 4, row), FOUR) for row in (WEIGHTS_U, WEIGHTS_V))
+        for j in range(4):
+            factor = pick(builder, factors, [j] * 4)
+            row = load(builder, b.data, corner, FOUR)
+            column = builder.fmul(factor, row) if column is None else fused(builder, factor, row, column)
+            place = address(builder, sums.data, share, FOUR)
+            builder.store(fused(builder, factor, own, builder.load(place, align=8)), place, align=8)
+            corner, share = builder.add(corner, width), builder.add(share, step)
+        place = address(builder, w.data, _after(builder, lane, 4, COLUMNS), FOUR)
+        builder.store(column, place, align=8)
+        return context.get_dummy_value()
+
+    whole = types.int64
+    return types.void(whole, b, whole, sums, whole, w, places), generate
+
+
+@intrinsic
+def settle_eight(typing, lane, seen, first, w, places):  # type: ignore[no-untyped-def]
+    """Write the records of eight points, of which the first has a number; the first ``seen`` are not added to sums."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        w, places = (Flat(context, builder, signature.args[i], values[i]) for i in (3, 4))
+        lane, seen, first, _, _ = values
+        along_v = [w.eight(_after(builder, lane, 4, LANES + 8 * j)) for j in range(4)]
+        fours = [load(builder, w.data, _after(builder, lane, 4, COLUMNS + 4 * i), FOUR) for i in range(8)]
+        height = w.eight(_after(builder, lane, 1, HEIGHTS))
+        residual = height - _across(builder, fours, along_v) * (1.0 / 36.0)
+        new = builder.icmp_signed(">=", whole_eight(list(range(8))), every(builder, seen))
+        for row, number in ((SUM_Z, height), (SUM_R, residual)):
+            w.put(row, w.eight(row) + number.where(new, 0.0))
+        _put_records(builder, w, places, lane, residual, builder.trunc(first, I32))
+        return context.get_dummy_value()
+
+    i = types.int64
+    return types.void(i, i, i, w, places), generate
+
+
+@intrinsic
+def take_point(typing, i, records, least, w, places):  # type: ignore[no-untyped-def]
+    """Take the point of a lane into the record of its micro-cell, and its residual into the least of its cell.
+
+    By masks: which residual is larger cannot be foretold.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        records, least, w, places = (Flat(context, builder, signature.args[i], values[i]) for i in (1, 2, 3, 4))
+        micro, at = _whole(builder, places, MICRO, values[0]), _after(builder, values[0], 2, RECORDS)
+        place = address(builder, records.data, builder.mul(micro, ir.Constant(I64, RECORD)), TWO)
+        old, new = builder.load(place, align=8), load(builder, w.data, at, TWO)
+        larger = builder.sext(builder.fcmp_ordered(">", new, old), _TWO_WHOLE)
+        first = ir.Constant(ir.VectorType(I32, 2), [0] * 2)
+        larger = builder.bitcast(builder.shuffle_vector(larger, larger, first), _FOUR_WHOLE)
+        old, new = (builder.bitcast(number, _FOUR_WHOLE) for number in (old, new))
+        larger = builder.and_(larger, ir.Constant(_FOUR_WHOLE, [-1, -1, -1, 0]))
+        bits = builder.and_(new, ir.Constant(_FOUR_WHOLE, [0, 0, 0, -1]))
+        kept = builder.or_(builder.and_(new, larger), builder.and_(old, builder.not_(larger)))
+        kept = builder.add(builder.or_(kept, bits), ir.Constant(_FOUR_WHOLE, [0, 0, 0, 1]))
+        builder.store(builder.bitcast(kept, TWO), place, align=8)
+        place = builder.gep(least.data, [_whole(builder, places, CELL, values[0])])
+        number, old = w.number(at), builder.load(place, align=8)
+        builder.store(builder.select(builder.fcmp_ordered("<", number, old), number, old), place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, records, least, w, places), generate
+
+
+def _put_places(
+    builder: Any, places: Flat, grid: Flat, lane: Any, along_u: tuple[Lanes, Lanes], along_v: tuple[Lanes, Lanes]
+) -> None:
+    """Write where the points go: cell, micro-cell, first coefficient, first place of the shares, and quarter."""
+    (h, s), (k, t) = along_u, along_v
+    split, wide = grid.one(SPLIT), grid.one(WIDE)
+    a, c = h.times_plus(split, part(s, split)), k.times_plus(split, part(t, split))
+    fours = (k * 0.25).floor()
+    share = fours.times_plus(4.0, fours.times_plus(-4.0, k).times_plus(grid.one(APART), h * grid.one(STEP)))
+    for row, number in (
+        (CELL, h.times_plus(grid.one(ACROSS), k)),
+        (MICRO, a.times_plus(wide, c)),
+        (CORNER, h.times_plus(grid.one(WIDTH), k)),
+        (SHARE, share),
+    ):
+        places.put_whole(builder.add(lane, ir.Constant(I64, row)), number.whole())
+    places.put_whole(builder.add(lane, ir.Constant(I64, BITS)), _quarters(builder, s, t))
+
+
+def _put_records(builder: Any, w: Flat, places: Flat, lane: Any, residual: Lanes, first: Any) -> None:
+    """Write what each point would be as a record: its residual, its number, the bit of its quarter."""
+    who = builder.add(every(builder, first), ir.Constant(EIGHT_WHOLE, list(range(8))))
+    bits = builder.load(address(builder, places.data, _after(builder, lane, 1, BITS), EIGHT_WHOLE), align=4)
+    who, bits = builder.zext(who, EIGHT_PLACES), builder.zext(bits, EIGHT_PLACES)
+    both = builder.bitcast(builder.or_(who, builder.shl(bits, whole_eight([32] * 8))), EIGHT)
+    for half in (0, 1):
+        lanes = [4 * half + i // 2 + 8 * (i % 2) for i in range(8)]
+        pairs = Lanes(builder, pick_of_two(builder, residual.value, both, lanes))
+        w.put(_after(builder, lane, 2, RECORDS + 8 * half), pairs)
+
+
+_TWO_WHOLE, _FOUR_WHOLE = ir.VectorType(I64, 2), ir.VectorType(I32, 4)
+
+
+def _constant(number: int) -> Any:
+    return ir.Constant(EIGHT_WHOLE, [number] * 8)
+
+
+def _after(builder: Any, lane: Any, times: int, start: int) -> Any:
+    return builder.add(builder.mul(lane, ir.Constant(I64, times)), ir.Constant(I64, start))
+
+
+def _whole(builder: Any, places: Flat, row: int, lane: Any) -> Any:
+    place = builder.gep(places.data, [builder.add(lane, ir.Constant(I64, row))])
+    return builder.zext(builder.load(place, align=4), I64)
+
+
+def _by_points(builder: Any, weights: list[Lanes]) -> list[Any]:
+    """Return four numbers of eight points point by point, two in each vector."""
+    halves = []
+    for lanes in ([0, 8, 1, 9, 2, 10, 3, 11], [4, 12, 5, 13, 6, 14, 7, 15]):
+        pairs = [pick_of_two(builder, weights[i].value, weights[i + 1].value, lanes) for i in (0, 2)]
+        for chosen in ([0, 1, 8, 9, 2, 3, 10, 11], [4, 5, 12, 13, 6, 7, 14, 15]):
+            halves.append(pick_of_two(builder, pairs[0], pairs[1], chosen))
+    return halves
+
+
+def _across(builder: Any, fours: list[Any], along_v: list[Lanes]) -> Lanes:
+    """Return the sums of the columns of eight points times their weights along v."""
+    pairs = [pick_of_two(builder, fours[i], fours[i + 1], list(range(8))) for i in range(0, 8, 2)]
+    low, high = [0, 1, 2, 3, 8, 9, 10, 11], [4, 5, 6, 7, 12, 13, 14, 15]
+    columns = []
+    for lanes in ([0, 4, 8, 12, 1, 5, 9, 13], [2, 6, 10, 14, 3, 7, 11, 15]):
+        halves = [pick_of_two(builder, pairs[i], pairs[i + 1], lanes) for i in (0, 2)]
+        columns += [Lanes(builder, pick_of_two(builder, halves[0], halves[1], chosen)) for chosen in (low, high)]
+    total = along_v[0] * columns[0]
+    for j in range(1, 4):
+        total = along_v[j].times_plus(columns[j], total)
+    return total
 
 
 def _weights(t: Lanes) -> list[Lanes]:
@@ -126,20 +239,8 @@ def _weights(t: Lanes) -> list[Lanes]:
     return [q2 * q, t2.times_plus(t.times_plus(3.0, -6.0), 4.0), q2.times_plus(q.times_plus(3.0, -6.0), 4.0), t2 * t]
 
 
-def _value(cell: Flat, along_u: list[Lanes], along_v: list[Lanes]) -> Lanes:
-    columns = []
-    for j in range(4):
-        column = along_u[0] * cell.one(NET + j)
-        for i in range(1, 4):
-            column = along_u[i].times_plus(cell.one(NET + 4 * i + j), column)
-        columns.append(column)
-    total = along_v[0] * columns[0]
-    for j in range(1, 4):
-        total = along_v[j].times_plus(columns[j], total)
-    return total * (1.0 / 36.0)
-
-
 def _quarters(builder: Any, s: Lanes, t: Lanes) -> Any:
-    bits = [ir.Constant(EIGHT_WHOLE, [ir.Constant(I32, bit)] * 8) for bit in (4, 2, 1, 8)]
+    """Return the bits of ``occupancy.quarter`` above those that count."""
+    bits = [_constant(bit << COUNTED) for bit in (4, 2, 1, -8)]  # -8: the sign
     below, early = t.at_most(s), t.at_most(1.0 - s)
     return builder.select(below, builder.select(early, bits[0], bits[1]), builder.select(early, bits[2], bits[3]))

@@ -196,5 +196,5 @@ def _verified(
         largest = float(lead.gap_limits().max())
     else:
         (points,) = job.source
-        largest = largest_gap(lead, surface, job.frame, points, job.sign, job.buckets.cells)
+        largest = largest_gap(lead, surface, job.frame, points, job.sign, job.cells)
     return surface, residuals.mean_gap(surface, reference), largest, lift

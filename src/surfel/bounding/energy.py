@@ -115,21 +115,23 @@ def _energy(band, rows, columns, step_u, step_v, bending, stretching):
 def add_bending(b, bending, out):
     """Add the gradient of half the bending energy of a grid of unknowns."""
     n, m = b.shape
-    for i in range(n):
+    for i in range(n - 2):
         for j in range(m):
-            if i + 2 < n:
-                d = bending * (b[i, j] - 2.0 * b[i + 1, j] + b[i + 2, j])
-                out[i, j] += d
-                out[i + 1, j] -= 2.0 * d
-                out[i + 2, j] += d
-            if j + 2 < m:
-                d = bending * (b[i, j] - 2.0 * b[i, j + 1] + b[i, j + 2])
-                out[i, j] += d
-                out[i, j + 1] -= 2.0 * d
-                out[i, j + 2] += d
-            if i + 1 < n and j + 1 < m:
-                d = 2.0 * bending * (b[i, j] - b[i + 1, j] - b[i, j + 1] + b[i + 1, j + 1])
-                out[i, j] += d
-                out[i + 1, j] -= d
-                out[i, j + 1] -= d
-                out[i + 1, j + 1] += d
+            d = bending * (b[i, j] - 2.0 * b[i + 1, j] + b[i + 2, j])
+            out[i, j] += d
+            out[i + 1, j] -= 2.0 * d
+            out[i + 2, j] += d
+    bend = np.zeros(m + 4)  # second differences of a row, with zeros beyond its ends
+    for i in range(n):
+        for j in range(m - 2):
+            bend[j + 2] = bending * (b[i, j] - 2.0 * b[i, j + 1] + b[i, j + 2])
+        for j in range(m):
+            out[i, j] += bend[j] - 2.0 * bend[j + 1] + bend[j + 2]
+    twist = np.zeros(m + 1)
+    for i in range(n - 1):
+        for j in range(m - 1):
+            twist[j + 1] = 2.0 * bending * (b[i, j] - b[i + 1, j] - b[i, j + 1] + b[i + 1, j + 1])
+        for j in range(m):
+            d = twist[j + 1] - twist[j]
+            out[i, j] += d
+            out[i + 1, j] -= d

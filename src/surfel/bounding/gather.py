@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from surfel._numba import kernel, rows, threads_for
-from surfel.bounding.buckets import HALVED
 from surfel.bounding.evaluate import cell_of
 from surfel.bounding.frame import Frame, project
-from surfel.bounding.passes import LARGEST, no_points, survey
+from surfel.bounding.passes import HALVED, LARGEST, no_points, survey
 from surfel.bounding.records import micro_cells_of_eight
 from surfel.bounding.reference import by_cells
 from surfel.bounding.source import Source

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from surfel.bounding.buckets import Buckets
 from surfel.bounding.candidates import Rows
 from surfel.bounding.evaluate import values
 from surfel.bounding.frame import Frame, frame_over
@@ -55,8 +55,8 @@ class Job:
         Micro-cells along the side of a cell.
     unknowns : Unknowns
         The coefficients that the boundary rule leaves free.
-    buckets : Buckets
-        Where the points of an array are gathered by their cells; chunks have buckets of their own.
+    cells : NDArray, shape (points,)
+        The cell of each point of an array, counted in rows along v, as the last look found it.
     """
 
     source: Source
@@ -71,7 +71,7 @@ class Job:
     points: int
     split: int
     unknowns: Unknowns
-    buckets: Buckets
+    cells: NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,11 +118,11 @@ def prepare(
         points,
         split_for(points, shape),
         unknowns_of(shape, boundary),
-        Buckets.of(0 if source.streamed else points, int(frame.cells.prod())),
+        np.empty(0 if source.streamed else points, np.int32),
     )
 
 
-def compared(job: Job, coefficients: Floats, *, weigh: bool = True) -> Residuals:
+def compared(job: Job, coefficients: Floats) -> Residuals:
     """Compare every point with a surface, in one pass.
 
     Raises
@@ -131,9 +131,9 @@ def compared(job: Job, coefficients: Floats, *, weigh: bool = True) -> Residuals
         If chunks are not the same as before.
     """
     residuals = no_residuals(job.frame, job.split)
-    buckets = None if job.source.streamed else job.buckets
+    cells = None if job.source.streamed else job.cells
     for chunk in job.source:
-        keep_residuals(residuals, chunk, job.frame, coefficients, job.sign, buckets, weigh=weigh)
+        keep_residuals(residuals, chunk, job.frame, coefficients, job.sign, cells)
     if residuals.points != job.points:
         raise InputError(
             f"points changed between two passes: {job.points} in the first, {residuals.points} in the second; "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba.core import types
+from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from surfel.bounding.vectors import EIGHT, F64, FOUR, I32, I64, address, fused, load, pick, spread, three
@@ -51,23 +51,33 @@ def larger(typing, a, b):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def stretch(typing, p, at, lanes):  # type: ignore[no-untyped-def]
-    """Take ``p[at : at + 24]`` into 24 minima, 24 maxima and 24 sums of ``x - x``: not 0 where x is not finite."""
+def stretch(typing, p, at, times, lanes):  # type: ignore[no-untyped-def]
+    """Take runs of 24 numbers from ``p[at]`` on into 24 minima, 24 maxima and 24 sums of ``x - x``.
+
+    The sums are not 0 where a number is not finite.
+    """
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        flat, out = (context.make_array(signature.args[i])(context, builder, values[i]).data for i in (0, 2))
-        for part, new in enumerate(three(builder, flat, values[1])):
-            for row, compare in enumerate(("<", ">", None)):
-                pointer = address(builder, out, ir.Constant(I64, 24 * row + 8 * part), EIGHT)
-                old = builder.load(pointer, align=8, typ=EIGHT)
-                if compare is None:
-                    best = builder.fadd(old, builder.fsub(new, new))
-                else:
-                    best = builder.select(builder.fcmp_ordered(compare, new, old), new, old)
-                builder.store(best, pointer, align=8)
+        flat, out = (context.make_array(signature.args[i])(context, builder, values[i]).data for i in (0, 3))
+        places = [address(builder, out, ir.Constant(I64, 8 * i), EIGHT) for i in range(9)]
+        kept = [cgutils.alloca_once_value(builder, builder.load(place, align=8)) for place in places]
+        for place, value in zip(places, kept, strict=True):
+            builder.store(builder.load(place, align=8), value)
+        with cgutils.for_range(builder, values[2]) as loop:
+            here = builder.add(values[1], builder.mul(loop.index, ir.Constant(I64, 24)))
+            for part, new in enumerate(three(builder, flat, here)):
+                for row, compare in enumerate(("<", ">", None)):
+                    old = builder.load(kept[3 * row + part])
+                    if compare is None:
+                        best = builder.fadd(old, builder.fsub(new, new))
+                    else:
+                        best = builder.select(builder.fcmp_ordered(compare, new, old), new, old)
+                    builder.store(best, kept[3 * row + part])
+        for place, value in zip(places, kept, strict=True):
+            builder.store(builder.load(value), place, align=8)
         return context.get_dummy_value()
 
-    return types.void(p, types.int64, lanes), generate
+    return types.void(p, types.int64, types.int64, lanes), generate
 
 
 @intrinsic

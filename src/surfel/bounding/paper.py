@@ -12,13 +12,12 @@ import numpy as np
 
 from surfel._numba import inner, kernel
 from surfel.bounding.banded import COLUMNS
-from surfel.bounding.buckets import BLOCK, fetch_records
 from surfel.bounding.corners import over_corners
 from surfel.bounding.enclosure import second
 from surfel.bounding.evaluate import cell_of
 from surfel.bounding.frame import Frame
 from surfel.bounding.job import Job, Outcome
-from surfel.bounding.records import HEIGHT, LOCAL_U, LOCAL_V, RECORD
+from surfel.bounding.records import BLOCK, HEIGHT, LOCAL_U, LOCAL_V, RECORD, fetch_records
 from surfel.bounding.scattered import AGREED, nearest, scattered
 from surfel.core.cast import Floats, Integers
 

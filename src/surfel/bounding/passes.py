@@ -10,12 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfel._numba import inlined, kernel, rows, threads_for
-from surfel.bounding.buckets import BLOCK, HALVED
 from surfel.bounding.evaluate import cell_of
 from surfel.bounding.frame import Frame, project
 from surfel.bounding.lanes import larger, stretch
-from surfel.bounding.records import micro_cells_of_eight
+from surfel.bounding.records import BLOCK, micro_cells_of_eight
 from surfel.core.cast import Floats
+
+HALVED = 100_000
+"""Points from which on the two halves of a pass may run side by side."""
 
 NOTES = 256
 """Points that were the highest of their micro-cell for a while, before their places are written down."""
@@ -86,8 +88,7 @@ def _stretch(begin, end, p, every):
         first = 3 * (p.shape[0] * part // every.shape[0])
         last = 3 * (p.shape[0] * (part + 1) // every.shape[0])
         whole = last - (last - first) % 24
-        for at in range(first, whole, 24):
-            stretch(flat, at, lanes)
+        stretch(flat, first, (whole - first) // 24, lanes)
         for at in range(whole, last):
             x, i = flat[at], at - whole
             lanes[i], lanes[24 + i] = min(lanes[i], x), max(lanes[24 + i], x)

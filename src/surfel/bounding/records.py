@@ -1,4 +1,4 @@
-"""Points as records beside the cell that they lie in, eight at a time, and how they come into the buckets of cells.
+"""Points beside the cell that they lie in, eight at a time.
 
 The formulas are those of ``frame.project``, rounded alike: the numbers are the same to the last bit.
 """
@@ -7,24 +7,25 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
+from surfel._numba import inner
+from surfel.bounding.evaluate import cell_of
+from surfel.bounding.frame import project
 from surfel.bounding.vectors import (
-    EIGHT,
-    FOUR,
-    I32,
     I64,
     Flat,
     Lanes,
-    address,
     every,
-    load,
-    pick,
     pick_of_two,
     three,
 )
+
+BLOCK = 120
+"""Points whose records are made together: they stay in the first cache."""
 
 RECORD = 4
 LOCAL_U, LOCAL_V, HEIGHT = range(3)
@@ -44,10 +45,10 @@ def micro_cells_of_eight(typing, p, at, f, split, places, w, lane):  # type: ign
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         flat, frame, whole, out = (Flat(context, builder, signature.args[i], values[i]) for i in (0, 2, 4, 5))
         split = Lanes(builder, every(builder, values[3]))
-        x, y, z = _columns(builder, flat, values[1])
-        a, b = (cell * split + part(local, split) for cell, local in _places(frame, x, y, z))
+        x, y, z = columns_of(builder, flat, values[1])
+        a, b = (cell * split + part(local, split) for cell, local in places_of(frame, x, y, z))
         whole.put_whole(values[6], (a * (frame.one(CELLS_V) * split) + b).whole())
-        out.put(values[6], _along(frame, AXIS_Z, x, y, z))
+        out.put(values[6], heights_of(frame, x, y, z))
         return context.get_dummy_value()
 
     i = types.int64
@@ -63,11 +64,11 @@ def records_of_eight(typing, p, at, f, places, first, w, lane):  # type: ignore[
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         flat, frame, whole, out = (Flat(context, builder, signature.args[i], values[i]) for i in (0, 2, 3, 5))
-        x, y, z = _columns(builder, flat, values[1])
-        (h, s), (k, t) = _places(frame, x, y, z)
+        x, y, z = columns_of(builder, flat, values[1])
+        (h, s), (k, t) = places_of(frame, x, y, z)
         whole.put_whole(values[4], h.times_plus(frame.one(CELLS_V), k).whole())
         place = builder.mul(values[6], ir.Constant(I64, RECORD))
-        for i, pair in enumerate(_pairs(builder, s, t, _along(frame, AXIS_Z, x, y, z))):
+        for i, pair in enumerate(_pairs(builder, s, t, heights_of(frame, x, y, z))):
             out.put(builder.add(place, ir.Constant(I64, 8 * i)), Lanes(builder, pair))
         return context.get_dummy_value()
 
@@ -75,67 +76,19 @@ def records_of_eight(typing, p, at, f, places, first, w, lane):  # type: ignore[
     return types.void(p, i, f, places, i, w, i), generate
 
 
-@intrinsic
-def insert_eight(typing, p, at, f, cells, first, bucket, room, filled):  # type: ignore[no-untyped-def]
-    """Put the records of the eight points from ``p[at]`` on into the buckets of their cells.
-
-    The cells go to ``cells[first]``. A bucket has room for eight points more than ``room``. The bits of the points
-    with which one reached that number are returned.
-    """
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        flat, frame, whole, out, many = (Flat(context, builder, signature.args[i], values[i]) for i in (0, 2, 3, 5, 7))
-        x, y, z = _columns(builder, flat, values[1])
-        (h, s), (k, t) = _places(frame, x, y, z)
-        whole.put_whole(values[4], h.times_plus(frame.one(CELLS_V), k).whole())
-        pairs = _pairs(builder, s, t, _along(frame, AXIS_Z, x, y, z))
-        room = builder.trunc(values[6], I32)
-        stride, bits = builder.add(values[6], ir.Constant(I64, 8)), ir.Constant(I64, 0)
-        for i in range(8):
-            cell = builder.load(
-                builder.gep(whole.data, [builder.add(values[4], ir.Constant(I64, i))]), align=4, typ=I32
-            )
-            cell = builder.sext(cell, I64)
-            counter = builder.gep(many.data, [cell])
-            count = builder.load(counter, align=4)
-            place = builder.add(builder.mul(cell, stride), builder.sext(count, I64))
-            record = pick(builder, pairs[i // 2], [4 * (i % 2) + j for j in range(4)])
-            place = builder.mul(place, ir.Constant(I64, RECORD))
-            builder.store(record, address(builder, out.data, place, FOUR), align=8)
-            count = builder.add(count, ir.Constant(I32, 1))
-            builder.store(count, counter, align=4)
-            full = builder.zext(builder.icmp_signed("==", count, room), I64)
-            bits = builder.or_(bits, builder.shl(full, ir.Constant(I64, i)))
-        return bits
-
-    i = types.int64
-    return types.int64(p, i, f, cells, i, bucket, i, filled), generate
-
-
-@intrinsic
-def copy_record(typing, source, number, target, into):  # type: ignore[no-untyped-def]
-    """Copy the record of a number to the place of another."""
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        left, right = (Flat(context, builder, signature.args[i], values[i]) for i in (0, 2))
-        old, new = (builder.mul(values[i], ir.Constant(I64, RECORD)) for i in (1, 3))
-        builder.store(load(builder, left.data, old, FOUR), address(builder, right.data, new, FOUR), align=8)
-        return context.get_dummy_value()
-
-    return types.void(source, types.int64, target, types.int64), generate
-
-
-def records(run: Flat, number: Any) -> tuple[Lanes, Lanes, Lanes]:
-    """Return the local coordinates and heights of eight records."""
-    builder = run.builder
-    place = builder.mul(number, ir.Constant(I64, RECORD))
-    pairs = [load(builder, run.data, builder.add(place, ir.Constant(I64, 8 * i)), EIGHT) for i in range(4)]
-    first, second = (pick_of_two(builder, pairs[i], pairs[i + 1], [0, 4, 8, 12, 1, 5, 9, 13]) for i in (0, 2))
-    third, fourth = (pick_of_two(builder, pairs[i], pairs[i + 1], [2, 6, 10, 14, 2, 6, 10, 14]) for i in (0, 2))
-    low, high = [0, 1, 2, 3, 8, 9, 10, 11], [4, 5, 6, 7, 12, 13, 14, 15]
-    columns = pick_of_two(builder, first, second, low), pick_of_two(builder, first, second, high)
-    z = pick_of_two(builder, third, fourth, low)
-    return Lanes(builder, columns[0]), Lanes(builder, columns[1]), Lanes(builder, z)
+@inner
+def fetch_records(p, first, count, f, cell, w):
+    """Write the cells of some points and, to scratch, their records; ``p`` is flat."""
+    whole = count - count % 8
+    for i in range(0, whole, 8):
+        records_of_eight(p, 3 * (first + i), f, cell, first + i, w, i)
+    n, m = np.int64(f[13]), np.int64(f[14])
+    for i in range(whole, count):
+        at = 3 * (first + i)
+        u, v, w[RECORD * i + HEIGHT] = project(f, p[at], p[at + 1], p[at + 2])
+        h, k = cell_of(u, n), cell_of(v, m)
+        w[RECORD * i + LOCAL_U], w[RECORD * i + LOCAL_V] = u - h, v - k
+        cell[first + i] = np.int32(h * m + k)
 
 
 def _pairs(builder: Any, s: Lanes, t: Lanes, z: Lanes) -> list[Any]:
@@ -152,14 +105,19 @@ def part(local: Lanes, split: Lanes) -> Lanes:
     return (local * split).floor().least(split - 1.0)
 
 
-def _places(frame: Flat, x: Lanes, y: Lanes, z: Lanes) -> list[tuple[Lanes, Lanes]]:
+def places_of(frame: Flat, x: Lanes, y: Lanes, z: Lanes) -> list[tuple[Lanes, Lanes]]:
     """Return the cell and the local coordinate along u, and along v."""
     found = []
     for axis, low, scale, cells in ((AXIS_U, LOW_U, SCALE_U, CELLS_U), (AXIS_V, LOW_V, SCALE_V, CELLS_V)):
         place = _place(frame, axis, low, scale, x, y, z)
-        cell = place.floor().least(frame.one(cells) - 1.0)
+        cell = place.floor().least(frame.one(cells) - 1.0).most(0.0)
         found.append((cell, place - cell))
     return found
+
+
+def heights_of(frame: Flat, x: Lanes, y: Lanes, z: Lanes) -> Lanes:
+    """Return the heights of eight points."""
+    return _along(frame, AXIS_Z, x, y, z)
 
 
 def _place(frame: Flat, axis: int, low: int, scale: int, x: Lanes, y: Lanes, z: Lanes) -> Lanes:
@@ -170,7 +128,7 @@ def _along(frame: Flat, axis: int, x: Lanes, y: Lanes, z: Lanes) -> Lanes:
     return frame.one(axis) * x + frame.one(axis + 1) * y + frame.one(axis + 2) * z
 
 
-def _columns(builder: Any, flat: Flat, at: Any) -> list[Lanes]:
+def columns_of(builder: Any, flat: Flat, at: Any) -> list[Lanes]:
     """Return x, y and z of the eight points that begin at a place."""
     first, second, third = three(builder, flat.data, at)
     columns = []

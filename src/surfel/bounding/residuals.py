@@ -8,15 +8,36 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from surfel._numba import kernel, rows, threads_for
 from surfel.bounding.bezier import over_windows
-from surfel.bounding.buckets import EIGHT, Buckets, insert_one, set_cell
-from surfel.bounding.compare import CONSTANTS, LEAST_R, SPLIT, SUM_R, SUM_Z, SUMS, compare_and_weigh_run, compare_run
-from surfel.bounding.frame import Frame
+from surfel.bounding.compare import (
+    BLOCK,
+    CELL,
+    COUNTED,
+    LARGEST,
+    PLACES,
+    RECORD,
+    SCRATCH,
+    STEP,
+    SUM_R,
+    SUM_Z,
+    TALLY,
+    WHO,
+    WIDTH,
+    place_eight,
+    settle_eight,
+    take_point,
+    weigh_point,
+)
+from surfel.bounding.frame import Frame, project
 from surfel.bounding.occupancy import Quarters
-from surfel.bounding.records import HEIGHT, LOCAL_U, LOCAL_V, RECORD, copy_record, insert_eight
+from surfel.bounding.passes import HALVED
 from surfel.core.cast import Floats, Integers
+
+MOST = 1 << 27
+"""Points that are compared in one part, at most: the tallies have room for no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +58,8 @@ class Residuals:
         Points in the micro-cell.
     occupancy : Quarters, shape (n - 1, m - 1)
         Which quarters of the cells have data.
-    moments : Floats, shape (n - 1, m - 1, 16)
-        Sums over the points of 36 times their weights on the 16 coefficients of their cell.
+    weights : Floats, shape (n + 2, m + 2)
+        Sums over the points of 36 times their weights on each coefficient.
     total : Floats, shape (2,)
         Sum of the heights, and of the residuals.
     """
@@ -50,7 +71,7 @@ class Residuals:
     height: Floats
     count: Integers
     occupancy: Quarters
-    moments: Floats
+    weights: Floats
     total: Floats
 
     @property
@@ -65,10 +86,7 @@ class Residuals:
 
     def mean_weights(self) -> Floats:
         """Return the mean weight of each coefficient over the points, shape (n + 2, m + 2); they add up to 1."""
-        n, m = self.occupancy.shape
-        sums = np.zeros((n + 3, m + 3))
-        _collect(self.moments, sums)
-        return np.asarray(sums / (36.0 * max(self.points, 1)))
+        return np.asarray(self.weights / (36.0 * max(self.points, 1)))
 
     def mean_value(self, coefficients: Floats) -> float:
         """Return the mean over the points of a spline's value."""
@@ -95,7 +113,7 @@ def no_residuals(frame: Frame, split: int) -> Residuals:
         np.zeros(micro),
         np.zeros(micro, np.int64),
         np.zeros(cells, np.uint8),
-        np.zeros((*cells, 16)),
+        np.zeros((cells[0] + 3, cells[1] + 3)),
         np.zeros(2),
     )
 
@@ -106,135 +124,93 @@ def keep_residuals(
     frame: Frame,
     coefficients: Floats,
     sign: float,
-    buckets: Buckets | None = None,
-    *,
-    weigh: bool = True,
+    cells: NDArray[np.int32] | None = None,
 ) -> None:
     """Compare points with a spline and keep what matters of each micro-cell.
 
     Many points are cut in two, wherever there are threads or not, and the halves are joined in order: so the sums are
-    the same to the last bit on any number of threads. Without ``weigh`` the moments are left alone.
+    the same to the last bit on any number of threads. The cell of each point, counted in rows along v, is written to
+    ``cells``.
     """
-    buckets = buckets or Buckets.of(len(points), kept.occupancy.size)
-    parts = buckets.parts
-    if parts == 1:
-        arrays = [getattr(kept, name)[None] for name in _KEPT]
-    else:
-        none = no_residuals(frame, kept.split)
-        arrays = [np.repeat(getattr(none, name)[None], parts, axis=0) for name in _KEPT]
+    n, m = kept.occupancy.shape
+    repeated = max(0, BLOCK - len(points)) if len(points) else 0  # the first, which does not count more than once
+    points = np.concatenate([np.repeat(points[:1], repeated, axis=0), points]) if repeated else points
+    parts = max(2 if len(points) >= HALVED else 1, -(-len(points) // MOST))
+    found = cells if cells is not None and not repeated else np.empty(len(points), np.int32)
+    records = np.zeros((parts, kept.largest.size, RECORD))
+    records[:, :, LARGEST] = -np.inf
+    least, totals = np.full((parts, n * m), np.inf), np.zeros((parts, 16))
+    shares = np.zeros((parts, 4, n + 3, side_of(m + 3)))
+    numbers, flat, split, step = frame.signed_numbers(sign), points.ravel(), kept.split, side_of(m + 3)
+    grid = np.array([split, m, m * split, m + 3, step, (n + 3) * step], np.float64)
     with threads_for(len(points)):
         _keep_residuals(
-            parts,
-            points,
-            frame.signed_numbers(sign),
-            coefficients,
-            np.int64(kept.split),
-            buckets.cells,
-            buckets.records,
-            weigh,
-            *arrays,
+            parts, flat, numbers, grid, coefficients.ravel(), repeated, found, records, least, shares, totals
         )
-    if parts == 1:
-        return
-    for most, least, uv, height, count, occupancy, moments, totals in zip(*arrays, strict=True):
-        higher = most > kept.largest
-        np.copyto(kept.uv, uv, where=higher[:, :, None])
-        np.copyto(kept.height, height, where=higher)
-        np.maximum(kept.largest, most, out=kept.largest)
-        np.minimum(kept.smallest, least, out=kept.smallest)
-        np.bitwise_or(kept.occupancy, occupancy, out=kept.occupancy)
-        for into, more in ((kept.count, count), (kept.moments, moments), (kept.total, totals)):
-            into += more
+    if cells is not None and repeated:
+        cells[:] = found[repeated:]
+    for part in range(parts):
+        first = len(points) * part // parts
+        _join(
+            records[part], records[part].ravel().view(np.int32), flat[3 * first :], numbers, np.int64(split),
+            kept.largest, kept.uv, kept.height, kept.count, kept.occupancy,
+        )  # fmt: skip
+        np.minimum(kept.smallest, least[part].reshape(n, m), out=kept.smallest)
+        kept.total[:] += totals[part].reshape(2, -1).sum(axis=1)
+        _collect(shares[part], kept.weights)
 
 
-_KEPT = ("largest", "smallest", "uv", "height", "count", "occupancy", "moments", "total")
-
-
-@kernel
-def _collect(moments, sums):
-    n, m = moments.shape[:2]
-    for h in range(n):
-        for k in range(m):
-            for i in range(4):
-                for j in range(4):
-                    sums[h + i, k + j] += moments[h, k, 4 * i + j]
+def side_of(width: int) -> int:
+    """Return how long the rows of weights are for rows of coefficients of a width: a multiple of four."""
+    return (width + 3) // 4 * 4
 
 
 @rows
-def _keep_residuals(
-    begin, end, p, f, coefficients, split, cells, records, weigh,
-    largest, smallest, uv, height, count, occupancy, moments, totals,
-):  # fmt: skip
-    c = np.empty(CONSTANTS)
-    n, m = occupancy.shape[1:]
-    c[SPLIT] = split
-    room = records.shape[2] - EIGHT
-    residual, marks, todo = np.empty(room + 8), np.empty(room + 9, np.int32), np.empty(room + 8, np.int32)
-    stride, wide = room + EIGHT, m * split
-    sums, filled = np.empty(SUMS), np.empty(n * m, np.int32)
-    aside, here_many = np.zeros(16, np.int64), np.empty(16, np.int32)  # where micro-cells lie from the cell's first
-    for i in range(split * split):
-        aside[i] = i // split * wide + i % split
-    b, width, flat = coefficients.ravel(), coefficients.shape[1], p.ravel()
+def _keep_residuals(begin, end, p, f, grid, b, repeated, cells, records, least, shares, totals):
+    w, places = np.zeros(SCRATCH), np.empty(PLACES, np.int32)
+    width, step = np.int64(grid[WIDTH]), np.int64(grid[STEP])
     for part in range(begin, end):
-        all_sums, quarters, least = moments[part].ravel(), occupancy[part].ravel(), smallest[part].ravel()
-        most, many = largest[part].ravel(), count[part].ravel()
-        where, high, bucket = uv[part].ravel(), height[part].ravel(), records[part].ravel()
-        sums[:], filled[:] = 0.0, 0
-        at, last = p.shape[0] * part // len(totals), p.shape[0] * (part + 1) // len(totals)
-        full = rest = 0  # bits of the last eight that filled buckets, and cells that were looked through in the end
-        while True:
-            while full == 0 and at + 8 <= last:
-                full = insert_eight(flat, 3 * at, f, cells, at, bucket, room, filled)
-                at += 8
-            cell = -1
-            if full != 0:
-                i = at - 8
-                while full >> (i - at + 8) & 1 == 0:
-                    i += 1
-                full &= full - 1
-                cell = np.int64(cells[i])
-            else:  # all but the last few are in: what buckets still hold
-                if at < last:
-                    insert_one(flat, at, f, cells, bucket, stride, filled)
-                    at += 1
-                    continue
-                while cell < 0 and rest < n * m:
-                    if filled[rest] > 0:
-                        cell = rest
-                    rest += 1
-                if cell < 0:
-                    break
-            run, held = cell * stride, np.int64(filled[cell])
-            count_here = min(held, room) if rest == 0 else held
-            filled[cell] = held - count_here
-            ends = (count_here + 7) // 8 * 8
-            for i in range(count_here, ends):
-                copy_record(bucket, run, bucket, run + i)
-            h, k = cell // m, cell % m
-            set_cell(b, width, h, k, c)
-            if weigh:
-                compare_and_weigh_run(bucket, run, count_here, c, residual, marks, here_many, all_sums, sums, 16 * cell)
-            else:
-                compare_run(bucket, run, count_here, c, residual, marks, here_many, all_sums, sums, 16 * cell)
-            least[cell] = min(least[cell], sums[LEAST_R])
-            quarters[cell] |= np.uint8(marks[ends])
-            corner, higher = h * split * wide + k * split, 0
-            for i in range(split * split):
-                many[corner + aside[i]] += here_many[i]
-            for i in range(count_here):  # without branches: which is higher cannot be foretold
-                todo[higher] = i
-                higher += 1 if residual[i] > most[corner + aside[marks[i]]] else 0
-            for j in range(higher):
-                i = np.int64(todo[j])
-                micro = corner + aside[marks[i]]
-                if residual[i] > most[micro]:
-                    most[micro] = residual[i]
-                    where[2 * micro] = h + bucket[RECORD * (run + i) + LOCAL_U]
-                    where[2 * micro + 1] = k + bucket[RECORD * (run + i) + LOCAL_V]
-                    high[micro] = bucket[RECORD * (run + i) + HEIGHT]
-            for i in range(filled[cell]):  # came into the full bucket with the last eight
-                copy_record(bucket, run + count_here + i, bucket, run + i)
-        for i in range(8):
-            totals[part, 0] += sums[SUM_Z + i]
-            totals[part, 1] += sums[SUM_R + i]
+        own, lows, sums = records[part].ravel(), least[part], shares[part].ravel()
+        start, last = len(cells) * part // len(totals), len(cells) * (part + 1) // len(totals)
+        w[SUM_Z : SUM_R + 8] = 0.0
+        for begun in range(start + repeated, last, BLOCK):
+            at = min(begun, last - BLOCK)  # the last block may begin with points that were in the one before
+            seen = begun - at
+            for i in range(0, BLOCK, 8):
+                place_eight(p, 3 * (at + i), f, grid, i, w, places)
+            for i in range(seen, BLOCK):
+                weigh_point(i, b, width, sums, step, w, places)
+            for i in range(seen // 8 * 8, BLOCK, 8):
+                settle_eight(i, seen - i, at - start + i, w, places)
+            for i in range(seen, BLOCK):
+                take_point(i, own, lows, w, places)
+                cells[at + i] = places[CELL + i]
+        totals[part] = w[SUM_Z : SUM_R + 8]
+
+
+@kernel
+def _join(records, whole, p, f, split, largest, uv, height, count, occupancy):
+    wide = largest.shape[1]
+    for h in range(occupancy.shape[0]):
+        for a in range(h * split, (h + 1) * split):
+            for k in range(occupancy.shape[1]):
+                quarters = np.uint8(0)
+                for b in range(k * split, (k + 1) * split):
+                    i = a * wide + b
+                    tally = np.int64(whole[4 * i + TALLY])
+                    count[a, b] += tally & ((1 << COUNTED) - 1)
+                    quarters |= np.uint8(tally >> COUNTED & 15)
+                    if records[i, LARGEST] > largest[a, b]:
+                        largest[a, b] = records[i, LARGEST]
+                        at = 3 * np.int64(whole[4 * i + WHO])
+                        uv[a, b, 0], uv[a, b, 1], height[a, b] = project(f, p[at], p[at + 1], p[at + 2])
+                occupancy[h, k] |= quarters
+
+
+@kernel
+def _collect(shares, sums):
+    # grid g holds what points in columns k of cells with k % 4 = g give: its place j stands for the coefficient j + g
+    for g in range(4):
+        for i in range(sums.shape[0]):
+            for j in range(sums.shape[1] - g):
+                sums[i, j + g] += shares[g, i, j]

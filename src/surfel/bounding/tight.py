@@ -100,7 +100,7 @@ def _arrive(job: Job, walk: Walk, start: Floats) -> None:
         left = walk.left()
         if looks and left <= looks[0]:
             first = looks.pop(0) == LOOKS[0]
-            seen = compared(job, job.scale.outward(job.unknowns.spread(walk.x)), weigh=False)
+            seen = compared(job, job.scale.outward(job.unknowns.spread(walk.x)))
             excess = seen.largest / job.scale.half
             beyond = np.where(excess > NEGLIGIBLE * walk.gap, seen.height, -np.inf)
             uv, height = by_cells(seen.uv, beyond, job.split)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
 from numba.core import cgutils
 
-F64, I8, I32, I64 = ir.DoubleType(), ir.IntType(8), ir.IntType(32), ir.IntType(64)
-FOUR, EIGHT = ir.VectorType(F64, 4), ir.VectorType(F64, 8)
+F64, I32, I64 = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
+TWO, FOUR, EIGHT = (ir.VectorType(F64, count) for count in (2, 4, 8))
 EIGHT_WHOLE, EIGHT_PLACES = ir.VectorType(I32, 8), ir.VectorType(I64, 8)
 
 
@@ -40,6 +39,12 @@ class Lanes:
         less = self.builder.fcmp_ordered("<", self.value, right)
         return Lanes(self.builder, self.builder.select(less, self.value, right))
 
+    def most(self, other: Any) -> Lanes:
+        """Return the larger of two numbers, lane by lane."""
+        right = self._other(other)
+        more = self.builder.fcmp_ordered(">", self.value, right)
+        return Lanes(self.builder, self.builder.select(more, self.value, right))
+
     def times_plus(self, factor: Any, more: Any) -> Lanes:
         """Return the product with a factor plus something more, rounded once."""
         return Lanes(self.builder, fused(self.builder, self.value, self._other(factor), self._other(more)))
@@ -67,28 +72,6 @@ class Lanes:
 
     def _other(self, other: Any) -> Any:
         return other.value if isinstance(other, Lanes) else ir.Constant(EIGHT, [ir.Constant(F64, float(other))] * 8)
-
-
-class Sum:
-    """Eight numbers that go on from turn to turn of a loop."""
-
-    def __init__(self, builder: Any, start: Any) -> None:
-        self.builder, self._pointer = builder, cgutils.alloca_once_value(builder, start)
-
-    @property
-    def value(self) -> Lanes:
-        """How they stand."""
-        return Lanes(self.builder, self.builder.load(self._pointer))
-
-    def put(self, lanes: Lanes) -> None:
-        """Let them stand otherwise."""
-        self.builder.store(lanes.value, self._pointer)
-
-    def joined(self) -> Any:
-        """Return the least of the eight."""
-        return halved(
-            self.builder, self.value.value, lambda a, b: Lanes(self.builder, a).least(Lanes(self.builder, b)).value
-        )
 
 
 class Flat:
@@ -131,13 +114,6 @@ def sums_of(builder: Any, vectors: list[Any]) -> Any:
             for left, right in zip(vectors[::2], vectors[1::2], strict=True)
         ]
     return vectors[0]
-
-
-def halved(builder: Any, vector: Any, join: Callable[[Any, Any], Any]) -> Any:
-    """Return what is left when the halves of eight lanes are joined three times."""
-    for lanes in ([0, 1, 2, 3], [0, 1], [0]):
-        vector = join(pick(builder, vector, lanes), pick(builder, vector, [len(lanes) + lane for lane in lanes]))
-    return builder.extract_element(vector, ir.Constant(I32, 0))
 
 
 def fused(builder: Any, a: Any, b: Any, c: Any) -> Any:
