@@ -15,6 +15,7 @@ from benchmarks.shapes import NoDataError
 from benchmarks.tables import table
 from surfel.core.affine import rotation, translation
 from surfel.core.cast import Floats
+from surfel.inside.both_ways import both_ways
 from surfel.inside.classify import Classifier
 from surfel.inside.decision import SHEETS
 from surfel.inside.octree import build_octree
@@ -99,15 +100,8 @@ def moving_cost(one: Operand, other: Operand, repeats: int = 15) -> Cost:
     """Return what it costs to classify both clouds, one by the other, after a move; poses differ from call to call."""
     first, second = Classifier(one), Classifier(other)
     poses = [turned(step) for step in range(1, 5)]
-    back = [np.linalg.inv(pose) for pose in poses]
     step = iter(range(10**9))
-
-    def both() -> None:
-        now = next(step) % len(poses)
-        first.classify(other, pose=poses[now])
-        second.classify(one, pose=back[now])
-
-    return cost(both, repeats)
+    return cost(lambda: both_ways(first, second, poses[next(step) % len(poses)]), repeats)
 
 
 def octree_cost(operand: Operand, other: Operand, depth: int, colouring: str, repeats: int = 5) -> OctreeCost:

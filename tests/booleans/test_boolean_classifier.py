@@ -53,3 +53,18 @@ def test_bad_arguments_are_refused():
         surfel.Classifier(ball(), "jury")
     with pytest.raises(surfel.InputError, match="normals must be left out"):
         surfel.Classifier(ball()).classify(ball(), normals=np.zeros((5000, 3)))
+
+
+def test_both_ways_answers_for_both_clouds_in_their_order():
+    one, other = ball(6000, 1), ball(4000, 2, 0.8, 0.5)
+    pose = translation([0.1, -0.2, 0.3])
+    spaces = surfel.Classifier(one), surfel.Classifier(other)
+    of_other, of_one = spaces[0].both_ways(spaces[1], pose)
+    for found, alone in (
+        (of_other, spaces[0].classify(other, pose=pose)),
+        (of_one, spaces[1].classify(one, pose=translation([-0.1, 0.2, -0.3]))),
+    ):
+        assert np.array_equal(found.kind, alone.kind) and np.array_equal(found.near, alone.near)
+        assert found.inside.any() and not found.inside.all()
+    with pytest.raises(surfel.InputError, match="Classifier"):
+        spaces[0].both_ways(other)

@@ -17,6 +17,14 @@ def limit_and_thread(_):
         return threads, threading.current_thread().name
 
 
+def at_the_same_time(meeting):
+    def work(_):
+        meeting.wait()
+        return limit_and_thread(_)
+
+    return work
+
+
 def side_by_side(sizes, threads):
     """Return the threads that the kernels of each task may use, and whether any ran on a thread of its own."""
     with threads_for(10**9, threads) as most:
@@ -30,10 +38,19 @@ def test_results_stand_in_the_order_of_the_items():
 
 
 def test_tasks_share_the_threads():
-    limits, apart, most = side_by_side([LARGE, LARGE], 2)
-    if most < 2:
-        pytest.skip("only one thread is to be had here")
-    assert apart and limits == [1, 1]
+    with threads_for(10**9, 2) as most:
+        if most < 2:
+            pytest.skip("only one thread is to be had here")
+        found = together(at_the_same_time(threading.Barrier(2, timeout=10.0)), range(2), [LARGE, LARGE])
+    assert [limit for limit, _ in found] == [1, 1]
+    assert sum(name.startswith("surfel-task") for _, name in found) == 1
+
+
+def test_tasks_within_tasks_end_though_all_threads_are_taken():
+    def outer(_):
+        return together(lambda k: k, range(4), [LARGE] * 4)
+
+    assert together(outer, range(8), [LARGE] * 8) == [list(range(4))] * 8
 
 
 @pytest.mark.parametrize("sizes", [[10, 10], [LARGE, LARGE // 10], [LARGE]])

@@ -97,15 +97,16 @@ def test_a_ball_takes_a_colour_only_where_all_its_cells_have_it() -> None:
 
 
 def _colour_of_ball(grid: Grid, middle: np.ndarray, radius: float) -> int:
-    """Ask the kernel through a kernel: it has no entry for Python."""
+    """Ask the kernel about one place and what is within reach of it."""
+    from surfel.inside.looks import Looks
     from surfel.inside.owners import Owners
-    from surfel.inside.sift import sift_each
+    from surfel.inside.sift import sift
     from surfel.inside.slabs import Slabs
 
     none = np.empty(0, np.int32)
     nothing = Owners(np.zeros((0, 8), np.int32), np.zeros((0, 8), np.uint64), none, np.empty((0, 3)))
     still = np.eye(4)[:3].copy()
-    kind, near = sift_each(grid, nothing, Slabs.none(), middle[None], still, radius)
+    kind, near = sift(Looks.of(grid, nothing, None), Slabs.none(), None, middle[None], still, radius)
     return BORDER if near[0] else int(kind[0])
 
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from surfel.core.cast import as_choice
 from surfel.core.errors import InputError
+from surfel.inside.both_ways import both_ways
 from surfel.inside.classes import Classes
 from surfel.inside.classify import Classifier as InnerClassifier
 from surfel.inside.decision import SHEETS, Decision
 from surfel.inside.judges import NAMES
-from surfel.inside.operand import Operand
+from surfel.inside.unsorted import unsorted
 from surfel.shapes.surfels import Surfels
 
 
@@ -108,7 +108,43 @@ class Classifier:
             return self._inner.classify(other, normals=normals, pose=pose)
         if normals is not None:
             raise InputError("normals must be left out where a cloud is classified; it has its own")
-        return _as_given(self._inner.classify(other.operand, pose=pose), other.operand)
+        return unsorted(self._inner.classify(other.operand, pose=pose), other.operand.order)
+
+    def both_ways(self, other: Classifier, pose: ArrayLike | None = None) -> tuple[Classes, Classes]:
+        """Classify the surfels of two clouds, each by the other, at the same time: for clouds that keep moving.
+
+        Parameters
+        ----------
+        other : Classifier
+            That of the other cloud.
+        pose : array_like, shape (4, 4), optional
+            A rigid motion under which the other cloud is taken.
+
+        Returns
+        -------
+        of_other, of_this : Classes
+            Where the surfels of the other cloud lie in this one, and those of this one in the other, each in the order
+            of its cloud.
+
+        Raises
+        ------
+        InputError
+            If it is no classifier, or the pose is not rigid.
+
+        Examples
+        --------
+        >>> import numpy as np, surfel
+        >>> p = np.random.default_rng(0).standard_normal((2000, 3))
+        >>> p /= np.linalg.norm(p, axis=1, keepdims=True)
+        >>> large, small = surfel.Classifier(surfel.Surfels(p, p)), surfel.Classifier(surfel.Surfels(0.5 * p, p))
+        >>> of_small, of_large = large.both_ways(small)
+        >>> bool(of_small.inside.all()), bool(of_large.inside.any())
+        (True, False)
+        """
+        if not isinstance(other, Classifier):
+            raise InputError(f"other must be a surfel.Classifier; got {type(other).__name__}")
+        of_other, of_this = both_ways(self._inner, other._inner, pose)
+        return unsorted(of_other, other._inner.operand.order), unsorted(of_this, self._inner.operand.order)
 
     def edited(self, rows: ArrayLike, points: ArrayLike, normals: ArrayLike) -> Classifier:
         """Return the classifier of the cloud with some surfels moved or turned; only what is near is colored anew.
@@ -147,13 +183,3 @@ class Classifier:
         from surfel.booleans.figures import plot_space
 
         return plot_space(self._inner, axis, at)
-
-
-def _as_given(found: Classes, operand: Operand) -> Classes:
-    """Bring the answers from the order of the index to that of the cloud."""
-    order = operand.order
-    kind, near = np.empty_like(found.kind), np.empty_like(found.near)
-    kind[order], near[order] = found.kind, found.near
-    rows: NDArray[np.int64] = order[found.judged].astype(np.int64)
-    ascending = np.argsort(rows)
-    return Classes(kind, near, rows[ascending], found.value[ascending])

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import os
+from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import TypeVar
+
+import numba
 
 from surfel._numba import threads_for
 
@@ -46,10 +51,36 @@ def together(work: Callable[[Item], Result], items: Sequence[Item], sizes: Seque
         if side_by_side < 2 or max(sizes) * side_by_side > _UNEVEN * sum(sizes):
             return [work(item) for item in items]
         share = threads // side_by_side
+        results: dict[int, Result] = {}
+        errors: dict[int, Exception] = {}
+        left = iter(range(len(items)))
 
-        def alone(item: Item) -> Result:
+        def some() -> None:
             with threads_for(sum(sizes), share):
-                return work(item)
+                for number in left:
+                    try:
+                        results[number] = work(items[number])
+                    except Exception as error:
+                        errors[number] = error
 
-        with ThreadPoolExecutor(side_by_side, thread_name_prefix="surfel-task") as pool:
-            return list(pool.map(alone, items))
+        helpers = [_pool().submit(some) for _ in range(side_by_side - 1)]
+        try:
+            some()
+        finally:
+            deque(left, maxlen=0)  # on Ctrl-C the helpers find nothing left to do
+            for helper in helpers:
+                if not helper.cancel():  # one that did not start yet has nothing to do
+                    helper.result()
+        if errors:
+            raise errors[min(errors)]
+        return [results[number] for number in range(len(items))]
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Return the helpers; not those of kernels, which tasks wait for."""
+    return ThreadPoolExecutor(max(1, int(numba.config.NUMBA_NUM_THREADS)), thread_name_prefix="surfel-task")
+
+
+if hasattr(os, "register_at_fork"):  # not on Windows, which cannot fork
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # a forked child has none of its parent's threads

@@ -13,15 +13,16 @@ from surfel.inside.classes import Classes
 from surfel.inside.colour import Coloured, colour_space
 from surfel.inside.decision import SHEETS, Decision
 from surfel.inside.judges import NAMES
+from surfel.inside.looks import Looks
 from surfel.inside.moved import moved, rigid
 from surfel.inside.near_surface import judged, on_which
 from surfel.inside.operand import Operand
 from surfel.inside.recolour import recolour
+from surfel.inside.settle import UNDECIDED
 from surfel.inside.sheets import OverSheets
-from surfel.inside.sift import UNDECIDED, sift_each, sift_sorted
+from surfel.inside.sift import sift
 from surfel.inside.slabs import Slabs
 from surfel.inside.space import border_radii
-from surfel.inside.widened import widened
 
 _MARGIN = 0.25  # spacings that slabs keep from the surfels; more than makes a place be on the surface
 
@@ -81,7 +82,7 @@ class Classifier:
         """Adopt a coloured space and build the slabs."""
         self._coloured = coloured
         self._slabs = Slabs.none()
-        self._widened: NDArray[np.uint64] | None = None
+        self._looks: Looks | None = None
         self.recoloured = 0 if coloured is None else int((coloured.grid.table >= 0).sum())
         self.operand = operand if coloured is None else coloured.operand
         self.flipped: Booleans = np.zeros(0, bool) if coloured is None else coloured.flipped
@@ -89,9 +90,7 @@ class Classifier:
         self.leaky = False if coloured is None else coloured.leaky
         if coloured is not None and self._slabbed:
             here = coloured.operand
-            self._slabs = Slabs.of(
-                coloured.owners, coloured.doubt, here.points, here.normals, self._radii(), self._margin()
-            )
+            self._slabs = Slabs.of(coloured.owners, here.points, here.normals, self._radii(), self._margin())
 
     def _radii(self) -> Floats:
         assert self._coloured is not None
@@ -220,22 +219,18 @@ class Classifier:
     def _sift(
         self, other: Operand | None, places: Floats, motion: Floats, reach: float
     ) -> tuple[NDArray[np.int8], Booleans]:
-        assert self._coloured is not None
-        grid, owners = self._coloured.grid, self._coloured.owners
         slabs = (
             self._slabs if self.decision.has_distances else self._slabs.without_planes()
         )  # in noise they say too much
-        if other is None:
-            return sift_each(grid, owners, slabs, places, motion, reach)
-        return sift_sorted(grid, self._wide(), owners, slabs, other.spheres, places, motion, reach)
+        return sift(self._laid_out(), slabs, None if other is None else other.spheres, places, motion, reach)
 
-    def _wide(self) -> NDArray[np.uint64]:
-        """Return the widened border, made for the first cloud that is asked about."""
-        assert self._coloured is not None
+    def _laid_out(self) -> Looks:
+        """Return the space as sifting reads it, made for the first places that are asked about."""
         with self._lock:
-            if self._widened is None:
-                self._widened = widened(self._coloured.grid)
-            return self._widened
+            if self._looks is None:
+                assert self._coloured is not None
+                self._looks = Looks.of(self._coloured.grid, self._coloured.owners, self._coloured.doubt)
+            return self._looks
 
     def __getstate__(self) -> dict[str, object]:
         return {name: value for name, value in self.__dict__.items() if name != "_lock"}

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from surfel._numba import inner, rows, threads_for
 from surfel.core.cast import Floats
 from surfel.inside.classes import ON_OPPOSED, ON_SAME
+from surfel.inside.falloff import falloff
 from surfel.inside.operand import Operand
 
 DISTANCE = 0.2
@@ -83,7 +84,7 @@ def _compare(first, last, chosen, places, upright, points, normals, spacings, sq
                 if math.sqrt(closest) <= _SAME_PLACE * spacing:
                     break  # a surfel at the very place says it all
                 closest = min(closest, squares[row, a])
-                weight = math.exp((squares[row, 0] - squares[row, a]) * inverse)
+                weight = falloff((squares[row, a] - squares[row, 0]) * inverse)
                 dx, dy, dz = places[row, 0] - points[j, 0], places[row, 1] - points[j, 1], places[row, 2] - points[j, 2]
                 height += weight * (normals[j, 0] * dx + normals[j, 1] * dy + normals[j, 2] * dz)
                 gx, gy, gz = gx + weight * normals[j, 0], gy + weight * normals[j, 1], gz + weight * normals[j, 2]

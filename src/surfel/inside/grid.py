@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import inlined, inner
+from surfel._numba import inlined
 from surfel.core.cast import Floats
 
 OUT, IN, BORDER = 0, 1, 2
@@ -32,11 +32,6 @@ MOST_BRICKS = 1 << 21
 """The table has no more bricks than this; where the cloud would need more, cells are made larger."""
 
 _LOOKED_AT = 20_000  # surfels whose spacings tell which ones are large
-
-_TESTED = 32  # a box longer than this in cells is not looked at cell by cell
-
-_FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
-_BYTES = np.uint64(0x0101010101010101)
 
 
 class Grid(NamedTuple):
@@ -99,61 +94,3 @@ def frame_for(bounds: Floats, spacings: Floats) -> Frame:
 def bit_of(y, z):
     """Return the word with the bit of cell (y, z) of a layer."""
     return np.uint64(1) << np.uint64(8 * y + z)
-
-
-@inner
-def colour_of_ball(low, step, table, border, inside, gaps, x, y, z, radius):
-    """Return the one colour of all cells round a ball, or BORDER where they are not all free.
-
-    The first six arguments are those of :class:`Grid`. First by the clearance of the brick that holds the centre.
-    Then by the border cells of the box round the ball: free cells that fill a box are connected, so they have one
-    colour.
-    """
-    inverse = 1.0 / step
-    a, b, c = (x - low[0]) * inverse, (y - low[1]) * inverse, (z - low[2]) * inverse
-    nx, ny, nz = 8.0 * table.shape[0], 8.0 * table.shape[1], 8.0 * table.shape[2]
-    r = radius * inverse + 1e-9
-    colour = -1  # one way out: with several, numba counts references to all arrays at each call
-    if a + r < 0.0 or b + r < 0.0 or c + r < 0.0 or a - r >= nx or b - r >= ny or c - r >= nz:
-        colour = OUT
-    elif a >= 0.0 and b >= 0.0 and c >= 0.0 and a < nx and b < ny and c < nz:
-        i, j, k = int(a) >> 3, int(b) >> 3, int(c) >> 3
-        gap = gaps[i, j, k]
-        if gap > 0:
-            u, v, w = a - 8.0 * i, b - 8.0 * j, c - 8.0 * k
-            wall = min(min(min(u, 8.0 - u), min(v, 8.0 - v)), min(w, 8.0 - w))
-            if 8.0 * (gap - 1) + wall > r:
-                colour = -1 - table[i, j, k]
-    if colour < 0 and 2.0 * r > _TESTED:
-        colour = BORDER
-    elif colour < 0:
-        i0, i1 = int(max(a - r, 0.0)), int(min(a + r, nx - 1.0))
-        j0, j1 = int(max(b - r, 0.0)), int(min(b + r, ny - 1.0))
-        k0, k1 = int(max(c - r, 0.0)), int(min(c + r, nz - 1.0))
-        for p in range(i0 >> 3, (i1 >> 3) + 1):
-            for q in range(j0 >> 3, (j1 >> 3) + 1):
-                for s in range(k0 >> 3, (k1 >> 3) + 1):
-                    brick = table[p, q, s]
-                    if colour == BORDER:
-                        break
-                    if brick < 0:
-                        colour = -1 - brick
-                        continue
-                    y0, y1 = max(j0 - 8 * q, 0), min(j1 - 8 * q, 7)
-                    z0, z1 = max(k0 - 8 * s, 0), min(k1 - 8 * s, 7)
-                    mask = _box_mask(y0, y1, z0, z1)
-                    some_border, some_inside = np.uint64(0), np.uint64(0)
-                    for layer in range(max(i0 - 8 * p, 0), min(i1 - 8 * p, 7) + 1):
-                        some_border |= border[brick, layer]
-                        some_inside |= inside[brick, layer]
-                    free = IN if some_inside & mask else OUT
-                    colour = BORDER if some_border & mask else free
-    return colour
-
-
-@inlined
-def _box_mask(y0, y1, z0, z1):
-    """Return the word with the bits of y0..y1 and z0..z1 of a layer."""
-    row = ((np.uint64(1) << np.uint64(z1 - z0 + 1)) - np.uint64(1)) << np.uint64(z0)
-    bytes_ = ((_FULL >> np.uint64(56 - 8 * (y1 - y0))) << np.uint64(8 * y0)) & _BYTES
-    return row * bytes_

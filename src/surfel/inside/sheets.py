@@ -12,6 +12,7 @@ from surfel._numba import inner, rows, threads_for
 from surfel._vec import dot, norm
 from surfel.core.cast import Booleans, Floats
 from surfel.index.hilbert import hilbert_order
+from surfel.inside.falloff import falloff
 from surfel.inside.judges.verdict import Verdict
 from surfel.inside.operand import Operand
 
@@ -19,6 +20,11 @@ NEIGHBOURS = 8
 
 ALIKE = 0.95
 """Where all normals make a larger cosine than this with the nearest one, there is one sheet."""
+
+ROUND, OFF_ARC = 0.4, 0.2
+"""There is one sheet as well where it merely bends: all normals make a larger cosine than this with the nearest one,
+and steps from it and from the one most unlike it are at right angles to the mean of their normals, as on an arc, up to
+this share of the sine between the normals."""
 
 WIDTH = 0.35
 """Square of the Gaussian's width over the squared distance to the farthest of the neighbours."""
@@ -53,8 +59,9 @@ def judge(operand: Operand, queries: ArrayLike) -> Verdict:
     The nearest surfels are split in two where their normals spread, as by :mod:`surfel.inside.judges.two_cluster`. It
     differs in what a sheet is. The chord between two points of a sphere is at right angles to the mean of their
     normals. So the distance over a sheet of mean normal N is ``f(x) = sum w_i (x - p_i) . (n_i + N) / 2``, which has no
-    error of second order in the curvature, where distances over planes have. Sheets back to back, however sharp the
-    edge, are told apart by whether they meet in a convex edge, as all others.
+    error of second order in the curvature, where distances over planes have. That holds in the middle of the surfels;
+    beside it, on sheets that bend much, what they bend by from the middle to the place is added. Sheets back to back,
+    however sharp the edge, are told apart by whether they meet in a convex edge, as all others.
 
     Parameters
     ----------
@@ -105,31 +112,31 @@ def over_sheets(operand: Operand, places: Floats, order: NDArray[np.int32] | Non
 def _judge(first, last, points, normals, places, squares, near, value, certain):
     """Judge places; one sheet, which is most frequent, is looked at here, for calls count references to arrays."""
     k = near.shape[1]
-    sums = np.empty((2, 8))
+    sums, weights = np.empty((2, 8)), np.empty(k)
     for i in range(first, last):
         x, y, z = places[i, 0], places[i, 1], places[i, 2]
         lead = near[i, 0]
         lx, ly, lz = normals[lead, 0], normals[lead, 1], normals[lead, 2]
-        least = 2.0
-        for a in range(k):
-            j = near[i, a]
-            least = min(least, dot(lx, ly, lz, normals[j, 0], normals[j, 1], normals[j, 2]))
-        if not least > ALIKE:
-            value[i], certain[i] = side_of_sheets(points, normals, x, y, z, squares[i], near[i], sums)
-            continue
+        nearest = squares[i, 0]
         inverse = 1.0 / (WIDTH * squares[i, k - 1]) if squares[i, k - 1] > 0.0 else 0.0
+        for a in range(k):
+            weights[a] = falloff((squares[i, a] - nearest) * inverse)
+        least = 2.0
         mx = my = mz = px = py = pz = total = height = 0.0
         for a in range(k):
-            j = near[i, a]
+            j, weight = np.uint64(near[i, a]), weights[a]
             nx, ny, nz = normals[j, 0], normals[j, 1], normals[j, 2]
-            weight = math.exp((squares[i, 0] - squares[i, a]) * inverse)
+            least = min(least, dot(lx, ly, lz, nx, ny, nz))
             dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
             mx, my, mz = mx + weight * nx, my + weight * ny, mz + weight * nz
             px, py, pz = px + weight * dx, py + weight * dy, pz + weight * dz
             total += weight
             height -= weight * dot(nx, ny, nz, dx, dy, dz)
-        value[i] = 0.5 * (height - dot(mx, my, mz, px, py, pz) / norm(mx, my, mz)) / total
-        certain[i] = True
+        if least > ALIKE:
+            value[i] = 0.5 * (height - dot(mx, my, mz, px, py, pz) / norm(mx, my, mz)) / total
+            certain[i] = True
+        else:
+            value[i], certain[i] = side_of_sheets(points, normals, x, y, z, squares[i], near[i], sums)
 
 
 @inner
@@ -148,7 +155,7 @@ def side_of_sheets(points, normals, x, y, z, squares, near, sums):
         if cosine < least:
             least, other = cosine, j
     ox, oy, oz = normals[other, 0], normals[other, 1], normals[other, 2]
-    one = least > ALIKE
+    one = least > ALIKE or (least > ROUND and _bends(points, normals, near, lead, other))
     inverse = 1.0 / (WIDTH * squares[k - 1]) if squares[k - 1] > 0.0 else 0.0
     sums[:, :] = 0.0
     for a in range(k):
@@ -167,7 +174,9 @@ def side_of_sheets(points, normals, x, y, z, squares, near, sums):
         sums[c, 7] -= weight * dot(nx, ny, nz, dx, dy, dz)
     first = _over_sheet(sums, 0)
     if one:
-        return first, True
+        bend = _bend_below(points, normals, x, y, z, squares, near, inverse, sums)
+        sums[0, 7] += 2.0 * bend * sums[0, 6]
+        return first + bend, True
     second = _over_sheet(sums, 1)
     convex = 0.0
     for t in range(3):
@@ -187,3 +196,48 @@ def _over_sheet(sums, c):
         sums[c, 3 + t] *= mean
     plane = -dot(sums[c, 0], sums[c, 1], sums[c, 2], sums[c, 3], sums[c, 4], sums[c, 5])
     return 0.5 * (sums[c, 7] * mean + plane)
+
+
+@inner
+def _bends(points, normals, near, lead, other):
+    """Tell whether the steps to all surfels from two of them lie on arcs of circles, as on a sheet that bends.
+
+    At an edge steps between surfels that are not equally far from it lie off by the difference, times the sine.
+    """
+    for one in (lead, other):
+        px, py, pz = points[one, 0], points[one, 1], points[one, 2]
+        nx, ny, nz = normals[one, 0], normals[one, 1], normals[one, 2]
+        for a in range(len(near)):
+            j = near[a]
+            mx, my, mz = normals[j, 0], normals[j, 1], normals[j, 2]
+            dx, dy, dz = points[j, 0] - px, points[j, 1] - py, points[j, 2] - pz
+            off = dot(dx, dy, dz, nx + mx, ny + my, nz + mz)
+            cosine = dot(nx, ny, nz, mx, my, mz)
+            allowed = OFF_ARC * OFF_ARC * max(1.0 - cosine * cosine, 1.0 - ALIKE * ALIKE)
+            if off * off > allowed * dot(dx, dy, dz, dx, dy, dz):
+                return False
+    return True
+
+
+@inner
+def _bend_below(points, normals, x, y, z, squares, near, inverse, sums):
+    """Return how far a sheet lies below its mean height where the middle of its surfels is not below the place.
+
+    With the offset t of the place from the middle, along the sheet, that is k t^2 / 2; how the normals turn along t
+    tells the curvature k.
+    """
+    up = dot(sums[0, 0], sums[0, 1], sums[0, 2], sums[0, 3], sums[0, 4], sums[0, 5])
+    tx, ty, tz = up * sums[0, 0] - sums[0, 3], up * sums[0, 1] - sums[0, 4], up * sums[0, 2] - sums[0, 5]
+    turns = steps = 0.0
+    for a in range(len(near)):
+        j = near[a]
+        weight = math.exp((squares[0] - squares[a]) * inverse)
+        dx, dy, dz = points[j, 0] - x - sums[0, 3], points[j, 1] - y - sums[0, 4], points[j, 2] - z - sums[0, 5]
+        step = dot(dx, dy, dz, tx, ty, tz)
+        turns += weight * step * dot(normals[j, 0], normals[j, 1], normals[j, 2], tx, ty, tz)
+        steps += weight * step * step
+    if steps <= 0.0:
+        return 0.0
+    length = norm(tx, ty, tz)
+    most = 0.5 * length
+    return min(max(0.5 * turns / steps * length * length, -most), most)

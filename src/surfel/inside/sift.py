@@ -5,94 +5,146 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import inlined, inner, rows, threads_for
+from surfel._numba import inlined, rows, threads_for
 from surfel.core.cast import Booleans, Floats
-from surfel.inside.grid import BORDER, IN, OUT, Grid, colour_of_ball
-from surfel.inside.owners import Owners, owner_of
-from surfel.inside.slabs import SAFE, Slabs, guard
+from surfel.inside.grid import ALL_IN, BORDER, IN, OUT
+from surfel.inside.looks import BORDERS, INSIDE, NEAR, NEAR_REACH, REACH, WIDER, Looks
+from surfel.inside.settle import moved_to, settle
+from surfel.inside.slabs import Slabs
 from surfel.inside.spheres import BLOCK, WIDTH, Spheres
-from surfel.inside.widened import REACH
-
-UNDECIDED = -1
-"""The kind of places that only a judge can tell."""
 
 _TOP = 2  # spheres of this level (or the highest) are the items that threads share
 _STACK = 64
-_RUN = 256  # places that are settled together
-_SMALL = REACH - 1e-6  # radius, in cells, of balls that the widened border is asked about
-_ENOUGH = 3  # slabs that have to agree about a cell that holds no surfel
+_RUN = BLOCK << (3 * _TOP)  # places that are settled together
+_TESTED = 32  # a box longer than this in cells is not looked at cell by cell
+_ROUNDED = 1e-9  # cells: what is added to a radius
+_ONE, _NONE, _FULL = np.uint64(1), np.uint64(0), np.uint64(0xFFFFFFFFFFFFFFFF)
+_BYTES = np.uint64(0x0101010101010101)
+_U3, _U7, _U8 = np.uint64(3), np.uint64(7), np.uint64(8)
 
 
-def sift_sorted(
-    grid: Grid, wide: NDArray[np.uint64], owners: Owners, slabs: Slabs, spheres: Spheres, points: Floats,
-    motion: Floats, reach: float,
-) -> tuple[NDArray[np.int8], Booleans]:  # fmt: skip
-    """Sift points that are sorted along a curve, given their spheres, under a rigid motion (3, 4).
-
-    ``wide`` is the border of the grid, widened.
+def sift(
+    looks: Looks, slabs: Slabs, spheres: Spheres | None, points: Floats, motion: Floats, reach: float
+) -> tuple[NDArray[np.int8], Booleans]:
+    """Sift points under a rigid motion (3, 4): by whole blocks where they are sorted and have spheres, or one by one.
 
     Returns
     -------
     kind : NDArray[np.int8], shape (n,)
-        OUT, IN or :data:`UNDECIDED`.
+        OUT, IN or :data:`surfel.inside.settle.UNDECIDED`.
     near : Booleans, shape (n,)
         Whether border lies within ``reach``.
     """
     kind, near = np.zeros(len(points), np.int8), np.zeros(len(points), bool)  # OUT, which is not written
-    top = min(_TOP, len(spheres.levels) - 2)
-    count = int(spheres.levels[top + 1] - spheres.levels[top])
+    cells = motion.copy()  # the same motion, whose result counts cells from the lowest corner
+    cells[:, 3] -= looks.low
+    cells /= looks.step
+    tree = spheres if spheres is not None else Spheres(np.zeros(0, np.int64), np.empty((0, 3)), np.empty(0))
+    top = min(_TOP, len(tree.levels) - 2)
+    count = -(-len(points) // _RUN) if spheres is None else int(tree.levels[top + 1] - tree.levels[top])
     with threads_for(len(points)):
-        _sift_spheres(
-            count, np.int64(top), *spheres, points, motion, reach, *grid, wide, owners.base, owners.owned, *slabs, kind,
-            near,
+        _sift(
+            count, np.int64(top), *tree, points, motion, cells, reach, 1.0 / looks.step, looks.table, looks.words,
+            looks.gap, *slabs, kind, near,
         )  # fmt: skip
     return kind, near
 
 
-def sift_each(
-    grid: Grid, owners: Owners, slabs: Slabs, points: Floats, motion: Floats, reach: float
-) -> tuple[NDArray[np.int8], Booleans]:
-    """Sift points in any order, one by one."""
-    kind, near = np.zeros(len(points), np.int8), np.zeros(len(points), bool)  # OUT, which is not written
-    nothing = np.empty((0, 8), np.uint64)
-    with threads_for(len(points)):
-        _sift_points(len(points), points, motion, reach, *grid, nothing, owners.base, owners.owned, *slabs, kind, near)
-    return kind, near
-
-
 @rows
-def _sift_spheres(
-    first, last, top, levels, centres, radii, points, motion, reach, low, step, table, border, inside, gap, wide, base,
-    owned, slabs, safe, doubt, kind, near,
+def _sift(
+    first, last, top, levels, centres, radii, points, motion, cells, reach, inverse, table, words, gap, slabs, safe,
+    kind, near,
 ):  # fmt: skip
+    """Ask balls for their one colour: spheres of the tree from the top down, then places that may have border near.
+
+    In between, the places of spheres that are not of one colour are settled. All of it stands in one loop because
+    numba counts references to arrays at each call, and that takes longer than to ask a ball.
+    """
     n = len(points)
-    stack, todo = np.empty(_STACK, np.int64), np.empty(BLOCK << (3 * _TOP), np.int64)
-    left, cells, bricks = np.empty_like(todo), np.empty_like(todo), np.empty_like(todo)
-    inverse = 1.0 / step
+    stack, todo = np.empty(_STACK, np.int64), np.empty(_RUN, np.int64)
+    left, where = np.empty_like(todo), np.empty((3, len(todo)), np.uint64)
     nx, ny, nz = 8.0 * table.shape[0], 8.0 * table.shape[1], 8.0 * table.shape[2]
-    lx, ly, lz = low[0], low[1], low[2]
-    one = np.uint64(1)
     for item in range(first, last):
-        stack[0], height, count = (top << 40) | item, 1, 0
-        while height > 0:
-            height -= 1
-            level, node = stack[height] >> 40, stack[height] & 0xFFFFFFFFFF
-            here = levels[level] + node
-            x, y, z = _moved(motion, centres[here, 0], centres[here, 1], centres[here, 2])
-            colour = UNDECIDED
-            a, b, c = (x - lx) * inverse, (y - ly) * inverse, (z - lz) * inverse
-            if a >= 0.0 and b >= 0.0 and c >= 0.0 and a < nx and b < ny and c < nz:
-                u, v, w = int(a), int(b), int(c)
-                brick = table[u >> 3, v >> 3, w >> 3]
+        height = count = asked = 0
+        settled = False
+        if top >= 0:
+            stack[0], height = (top << 40) | item, 1
+        for i in range(item * _RUN if top < 0 else n, min(n, (item + 1) * _RUN)):
+            todo[count] = i
+            count += 1
+        while True:
+            if height > 0:
+                height -= 1
+                level, node = stack[height] >> 40, stack[height] & 0xFFFFFFFFFF
+                here = levels[level] + node
+                a, b, c = moved_to(cells, centres[here, 0], centres[here, 1], centres[here, 2])
+                r = (radii[here] + reach) * inverse + _ROUNDED
+            elif not settled:
+                settle(todo, count, points, motion, cells, table, words, slabs, safe, kind, near, left, where)
+                settled = True
+                asked = count if reach > 0.0 else 0
+                continue
+            elif asked > 0:
+                asked -= 1
+                level, node = -1, todo[asked]
+                if near[node]:
+                    continue
+                a, b, c = moved_to(cells, points[node, 0], points[node, 1], points[node, 2])
+                r = reach * inverse + _ROUNDED
+            else:
+                break
+
+            colour = -1  # the one colour of all cells that the box round the ball meets, or BORDER
+            if a + r < 0.0 or b + r < 0.0 or c + r < 0.0 or a - r >= nx or b - r >= ny or c - r >= nz:
+                colour = OUT
+            elif a >= 0.0 and b >= 0.0 and c >= 0.0 and a < nx and b < ny and c < nz:
+                u, v, w = np.uint64(np.int64(a)), np.uint64(np.int64(b)), np.uint64(np.int64(c))
+                brick = np.int64(table[u >> _U3, v >> _U3, w >> _U3])
                 if brick >= 0:
-                    bit = one << np.uint64(8 * (v & 7) + (w & 7))
-                    if wide[brick, u & 7] & bit:
+                    row, bit = _U8 * np.uint64(brick) + (u & _U7), _ONE << (_U8 * (v & _U7) + (w & _U7))
+                    if words[row, NEAR] & bit:
+                        if r >= NEAR_REACH or level >= 0:  # small spheres that are merely near are looked into as well
+                            colour = BORDER
+                    elif r < NEAR_REACH or (r < REACH and words[row, WIDER] & bit == _NONE):
+                        colour = IN if words[row, INSIDE] & bit else OUT
+                    elif r >= REACH and words[row, WIDER] & bit:
                         colour = BORDER
-                    elif (radii[here] + reach) * inverse < _SMALL:
-                        colour = IN if inside[brick, u & 7] & bit else OUT
-            if colour == UNDECIDED:
-                colour = colour_of_ball(low, step, table, border, inside, gap, x, y, z, radii[here] + reach)
-            if colour == IN:
+                elif r < REACH:
+                    colour = -1 - brick
+                else:
+                    e, f, g = a - np.float64(u & ~_U7), b - np.float64(v & ~_U7), c - np.float64(w & ~_U7)
+                    wall = min(min(min(e, 8.0 - e), min(f, 8.0 - f)), min(g, 8.0 - g))
+                    if 8.0 * (np.float64(gap[u >> _U3, v >> _U3, w >> _U3]) - 1.0) + wall > r:
+                        colour = -1 - brick
+            if colour < 0 and 2.0 * r > _TESTED:
+                colour = BORDER
+            elif colour < 0:  # free cells that fill a box are connected, so they have one colour
+                i0, i1 = np.int64(max(a - r, 0.0)), np.int64(min(a + r, nx - 1.0))
+                j0, j1 = np.int64(max(b - r, 0.0)), np.int64(min(b + r, ny - 1.0))
+                k0, k1 = np.int64(max(c - r, 0.0)), np.int64(min(c + r, nz - 1.0))
+                some_border = some_inside = _NONE
+                for p in range(i0 >> 3, (i1 >> 3) + 1):
+                    for q in range(j0 >> 3, (j1 >> 3) + 1):
+                        for s in range(k0 >> 3, (k1 >> 3) + 1):
+                            brick = np.int64(table[np.uint64(p), np.uint64(q), np.uint64(s)])
+                            if some_border:
+                                break
+                            if brick < 0:
+                                some_inside |= _ONE if brick == ALL_IN else _NONE
+                                continue
+                            y0, y1 = max(j0 - 8 * q, 0), min(j1 - 8 * q, 7)
+                            z0, z1 = max(k0 - 8 * s, 0), min(k1 - 8 * s, 7)
+                            mask = _box_mask(y0, y1, z0, z1)
+                            for layer in range(max(i0 - 8 * p, 0), min(i1 - 8 * p, 7) + 1):
+                                row = np.uint64(8 * brick + layer)
+                                some_border |= words[row, BORDERS] & mask
+                                some_inside |= words[row, INSIDE] & mask
+                free = IN if some_inside else OUT
+                colour = BORDER if some_border else free
+
+            if level < 0:
+                near[node] = colour == BORDER
+            elif colour == IN:
                 size = BLOCK << (3 * level)
                 for i in range(node * size, min(n, (node + 1) * size)):
                     kind[i] = IN
@@ -104,133 +156,11 @@ def _sift_spheres(
                 for i in range(node * BLOCK, min(n, node * BLOCK + BLOCK)):
                     todo[count] = i
                     count += 1
-        _settle(
-            todo, count, points, motion, reach, low, step, table, border, inside, gap, wide, base, owned, slabs, safe,
-            doubt, kind, near, left, cells, bricks,
-        )  # fmt: skip
-
-
-@rows
-def _sift_points(
-    first, last, points, motion, reach, low, step, table, border, inside, gap, wide, base, owned, slabs, safe, doubt,
-    kind, near,
-):  # fmt: skip
-    todo = np.empty(_RUN, np.int64)
-    left, cells, bricks = np.empty_like(todo), np.empty_like(todo), np.empty_like(todo)
-    for start in range(first, last, _RUN):
-        count = min(_RUN, last - start)
-        for m in range(count):
-            todo[m] = start + m
-        _settle(
-            todo, count, points, motion, reach, low, step, table, border, inside, gap, wide, base, owned, slabs, safe,
-            doubt, kind, near, left, cells, bricks,
-        )  # fmt: skip
 
 
 @inlined
-def _moved(motion, x, y, z):
-    """Return a place under a motion: three rows of four numbers."""
-    return (
-        motion[0, 0] * x + motion[0, 1] * y + motion[0, 2] * z + motion[0, 3],
-        motion[1, 0] * x + motion[1, 1] * y + motion[1, 2] * z + motion[1, 3],
-        motion[2, 0] * x + motion[2, 1] * y + motion[2, 2] * z + motion[2, 3],
-    )
-
-
-# Several threads may write to one byte of ``safe``. They all write the same value, so the order does not matter.
-
-
-@inner
-def _settle(
-    todo, many, points, motion, reach, low, step, table, border, inside, gap, wide, base, owned, slabs, safe, doubt,
-    kind, near, left, cells, bricks,
-):  # fmt: skip
-    """Write the kind of the first ``many`` places of ``todo``, and which are near: by their cells, or by slabs.
-
-    What is outside and far is not written. The cells are looked up without the branches that nobody could predict, and
-    those of the border are kept in ``left``, ``cells`` and ``bricks``, scratch as long as ``todo``. A border cell that
-    holds no surfel has no slab: there the slabs of all cells round it have to agree.
-    """
-    inverse = 1.0 / step
-    nx, ny, nz = 8.0 * table.shape[0], 8.0 * table.shape[1], 8.0 * table.shape[2]
-    lx, ly, lz = low[0], low[1], low[2]
-    m00, m01, m02, m03 = motion[0, 0], motion[0, 1], motion[0, 2], motion[0, 3]
-    m10, m11, m12, m13 = motion[1, 0], motion[1, 1], motion[1, 2], motion[1, 3]
-    m20, m21, m22, m23 = motion[2, 0], motion[2, 1], motion[2, 2], motion[2, 3]
-    one = np.uint64(1)
-    count = 0
-    for m in range(many):
-        i = todo[m]
-        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
-        a = (m00 * px + m01 * py + m02 * pz + m03 - lx) * inverse
-        b = (m10 * px + m11 * py + m12 * pz + m13 - ly) * inverse
-        c = (m20 * px + m21 * py + m22 * pz + m23 - lz) * inverse
-        if not (a >= 0.0 and b >= 0.0 and c >= 0.0 and a < nx and b < ny and c < nz):
-            continue
-        u, v, w = int(a), int(b), int(c)
-        brick = table[u >> 3, v >> 3, w >> 3]
-        if brick < 0:
-            kind[i] = -1 - brick
-            continue
-        place = np.uint64(8 * (v & 7) + (w & 7))
-        within = (border[brick, u & 7] >> place) & one
-        kind[i] = np.int64((inside[brick, u & 7] >> place) & one)
-        near[i] = within
-        left[count], cells[count], bricks[count] = i, (u << 42) | (v << 21) | w, brick
-        count += np.int64(within)
-    for m in range(count):
-        i, brick = left[m], bricks[m]
-        colour = UNDECIDED
-        if brick < len(base) and len(slabs) > 0:
-            u, v, w = cells[m] >> 42, (cells[m] >> 21) & 0x1FFFFF, cells[m] & 0x1FFFFF
-            layer, bit = u & 7, one << np.uint64(8 * (v & 7) + (w & 7))
-            x, y, z = _moved(motion, points[i, 0], points[i, 1], points[i, 2])
-            cell = owner_of(owned[brick, layer], base[brick, layer], bit)
-            if cell >= 0:
-                if safe[cell] == 0:
-                    safe[cell] = guard(u, v, w, cell, table, base, owned, slabs)
-                along = slabs[cell, 0] * x + slabs[cell, 1] * y + slabs[cell, 2] * z
-                if along < slabs[cell, 3] and safe[cell] == SAFE:
-                    colour = IN
-                elif along > slabs[cell, 4] and safe[cell] == SAFE:
-                    colour = OUT
-            elif brick >= len(doubt) or doubt[brick, layer] & bit == np.uint64(0):
-                below = above = 0
-                for square in range(9):
-                    if below > 0 and above > 0:
-                        break  # nothing can be said
-                    e, f = u - 1 + square // 3, v - 1 + square % 3
-                    for g in range(w - 1, w + 2):
-                        other = table[e >> 3, f >> 3, g >> 3]
-                        if other < 0 or other >= len(base):
-                            continue
-                        word, there = owned[other, e & 7], one << np.uint64(8 * (f & 7) + (g & 7))
-                        if word & there == np.uint64(0):
-                            continue
-                        cell = owner_of(word, base[other, e & 7], there)
-                        if safe[cell] == 0:
-                            safe[cell] = guard(e, f, g, cell, table, base, owned, slabs)
-                        along = slabs[cell, 0] * x + slabs[cell, 1] * y + slabs[cell, 2] * z
-                        if safe[cell] != SAFE or (along >= slabs[cell, 3] and along <= slabs[cell, 4]):
-                            below, above = 1, 1
-                            break
-                        below += 1 if along < slabs[cell, 3] else 0
-                        above += 1 if along > slabs[cell, 4] else 0
-                if above == 0 and below >= _ENOUGH:
-                    colour = IN
-                elif below == 0 and above >= _ENOUGH:
-                    colour = OUT
-        kind[i] = colour
-    small = len(wide) > 0 and reach * inverse < _SMALL
-    for m in range(many if reach > 0.0 else 0):
-        i = todo[m]
-        if near[i]:
-            continue
-        x, y, z = _moved(motion, points[i, 0], points[i, 1], points[i, 2])
-        a, b, c = (x - lx) * inverse, (y - ly) * inverse, (z - lz) * inverse
-        if small and a >= 0.0 and b >= 0.0 and c >= 0.0 and a < nx and b < ny and c < nz:
-            u, v, w = int(a), int(b), int(c)
-            brick = table[u >> 3, v >> 3, w >> 3]
-            if brick >= 0 and (wide[brick, u & 7] >> np.uint64(8 * (v & 7) + (w & 7))) & one == np.uint64(0):
-                continue
-        near[i] = colour_of_ball(low, step, table, border, inside, gap, x, y, z, reach) == BORDER
+def _box_mask(y0, y1, z0, z1):
+    """Return the word with the bits of y0..y1 and z0..z1 of a layer."""
+    row = ((_ONE << np.uint64(z1 - z0 + 1)) - _ONE) << np.uint64(z0)
+    bytes_ = ((_FULL >> np.uint64(56 - 8 * (y1 - y0))) << np.uint64(8 * y0)) & _BYTES
+    return row * bytes_

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from surfel._numba import inner, kernel
 from surfel.core.cast import Floats
 from surfel.inside.grid import bit_of
+from surfel.inside.looks import FIRST, OWNED
 from surfel.inside.owners import Owners, owner_of
 
 CONE = 0.85
@@ -33,29 +34,22 @@ class Slabs(NamedTuple):
     safe : NDArray[np.uint8], shape (cells,)
         Whether all normals round the cell lie in a cone: :data:`SAFE`, :data:`UNSAFE`, or 0 where nobody asked yet. It
         is looked at, and written, when a place first needs it.
-    doubt : NDArray[np.uint64], shape (bricks, 8)
-        Bits of border cells that no slab may settle; none of bricks beyond.
     """
 
     planes: Floats
     safe: NDArray[np.uint8]
-    doubt: NDArray[np.uint64]
 
     @classmethod
-    def of(
-        cls, owners: Owners, doubt: NDArray[np.uint64] | None, points: Floats, normals: Floats, radii: Floats,
-        margin: float,
-    ) -> Slabs:  # fmt: skip
+    def of(cls, owners: Owners, points: Floats, normals: Floats, radii: Floats, margin: float) -> Slabs:
         """Lay slabs round the disks of the surfels that each cell holds; ``margin`` is added to either side."""
         planes = np.empty((len(owners.normals), 6))
         _span(owners.of_surfel, owners.normals, points, normals, radii, margin, planes)
-        nothing = np.empty((0, 8), np.uint64)
-        return cls(planes, np.zeros(len(planes), np.uint8), nothing if doubt is None else doubt)
+        return cls(planes, np.zeros(len(planes), np.uint8))
 
     @classmethod
     def none(cls) -> Slabs:
         """Return that there are none."""
-        return cls(np.empty((0, 6)), np.empty(0, np.uint8), np.empty((0, 8), np.uint64))
+        return cls(np.empty((0, 6)), np.empty(0, np.uint8))
 
     def without_planes(self) -> Slabs:
         """Return slabs that settle nothing."""
@@ -70,7 +64,7 @@ class Slabs(NamedTuple):
         held = owners.of_surfel[chosen] - known
         _span(held, owners.normals[known:], points[chosen], normals[chosen], radii[chosen], margin, fresh)
         planes = np.concatenate([self.planes, fresh])
-        return Slabs(planes, np.zeros(len(planes), np.uint8), self.doubt)
+        return Slabs(planes, np.zeros(len(planes), np.uint8))
 
 
 @kernel
@@ -94,8 +88,11 @@ def _span(of_surfel, means, points, normals, radii, margin, slabs):
 
 
 @inner
-def guard(i, j, k, cell, table, base, owned, slabs):
-    """Return SAFE where all normals in the cells round one lie in its cone, else UNSAFE."""
+def guard(i, j, k, cell, table, words, slabs):
+    """Return SAFE where all normals in the cells round one lie in its cone, else UNSAFE.
+
+    ``table`` and ``words`` are those of :class:`surfel.inside.looks.Looks`.
+    """
     if slabs[cell, 5] < CONE:
         return UNSAFE
     nx, ny, nz = slabs[cell, 0], slabs[cell, 1], slabs[cell, 2]
@@ -103,9 +100,10 @@ def guard(i, j, k, cell, table, base, owned, slabs):
         for v in range(j - 1, j + 2):
             for w in range(k - 1, k + 2):
                 brick = table[u >> 3, v >> 3, w >> 3]
-                if brick < 0 or brick >= len(base):
+                if brick < 0:
                     continue
-                other = owner_of(owned[brick, u & 7], base[brick, u & 7], bit_of(v & 7, w & 7))
+                row = 8 * brick + (u & 7)
+                other = owner_of(words[row, OWNED], np.int64(words[row, FIRST]), bit_of(v & 7, w & 7))
                 if other < 0:
                     continue
                 cosine = min(nx * slabs[other, 0] + ny * slabs[other, 1] + nz * slabs[other, 2], 1.0)

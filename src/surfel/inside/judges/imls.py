@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 from numpy.typing import ArrayLike
 
 from surfel._numba import inlined, rows
+from surfel.inside.falloff import falloff
 from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.judges.nearest import over_plane
 from surfel.inside.judges.skipping import judge_by, look_with
@@ -69,7 +68,7 @@ def weighted_side(points, normals, x, y, z, squares, near, i):
     inverse = 1.0 / (WIDTH * squares[i, k - 1]) if squares[i, k - 1] > 0.0 else 0.0
     total = side = size = 0.0
     for a in range(k):
-        weight = math.exp((squares[i, 0] - squares[i, a]) * inverse)
+        weight = falloff((squares[i, a] - squares[i, 0]) * inverse)
         over = over_plane(points, normals, near[i, a], x, y, z)
         total += weight
         side += weight * over

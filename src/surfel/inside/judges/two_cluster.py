@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from surfel._numba import inner, rows
 from surfel._vec import dot, norm
+from surfel.inside.falloff import falloff
 from surfel.inside.holder import HasOperand, as_operand
 from surfel.inside.judges.imls import weighted_side
 from surfel.inside.judges.nearest import over_plane
@@ -92,7 +91,7 @@ def clustered_side(points, normals, x, y, z, squares, near, i, other, sums):
         j = near[i, a]
         nx, ny, nz = normals[j, 0], normals[j, 1], normals[j, 2]
         c = 0 if dot(nx, ny, nz, lx, ly, lz) >= dot(nx, ny, nz, ox, oy, oz) else 1
-        weight = math.exp((squares[i, 0] - squares[i, a]) * inverse)
+        weight = falloff((squares[i, a] - squares[i, 0]) * inverse)
         sums[c, 0] += weight * nx
         sums[c, 1] += weight * ny
         sums[c, 2] += weight * nz
