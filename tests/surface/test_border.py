@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import Delaunay
 
 import naive
-from surfel.surface.border import border_share, is_covered, nearby_cells, unevenness
+from surfel.surface.border import along_border, border_share, is_covered, nearby_cells, unevenness
 
 
 @pytest.mark.parametrize("cap2", [1e9, 0.08, 0.02])
@@ -38,9 +38,9 @@ def test_points_on_a_line_cover_nothing():
 
 
 def test_the_share_of_a_border_point_grows_with_the_unevenness():
-    assert border_share(0.33) == border_share(0.5) == 1.13
-    assert border_share(0.0) == border_share(0.1) == 0.5
-    assert 0.6 < border_share(0.14) < border_share(0.2) < 1.13
+    assert border_share(0.33) == border_share(0.5) == 0.715
+    assert border_share(0.0) == border_share(0.11) == 0.34
+    assert 0.39 < border_share(0.14) < border_share(0.2) < 0.715
 
 
 def test_unevenness_compares_closed_cells_with_the_closed_ones_round_them():
@@ -68,3 +68,11 @@ def test_the_size_of_nearby_cells_is_the_mean_of_the_nearest_twelve_closed_ones(
     closed[:] = 0
     closed[:3] = 1
     np.testing.assert_allclose(nearby_cells(np.arange(5, dtype=np.int32), neighbours, area, closed, spacing), 0.005)
+
+
+def test_a_border_is_where_enough_neighbours_are_open_and_uncovered():
+    opened = np.array([1, 1, 1, 0, 0, 1], bool)
+    uncovered = np.array([1, 0, 1, 0, 0, 0], bool)
+    near = np.array([[1, 2, 3], [0, 3, 4], [1, 0, 3], [1, 2, 3]], np.int32)
+    chosen = np.array([0, 1, 2, 5], np.int32)
+    assert along_border(chosen, near, opened, uncovered).tolist() == [True, False, True, False]

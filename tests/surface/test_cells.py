@@ -8,7 +8,7 @@ from scipy.spatial import Delaunay
 
 import naive
 import shapes_with_truth as truth
-from surfel.surface.cells import Cells
+from surfel.surface.cells import UNCOVERED, Cells
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.patches import local_patches
 
@@ -66,7 +66,7 @@ def test_a_plane_is_smooth_and_only_open_cells_can_be_uncovered(planar):
     _, cells, _ = planar
     assert np.abs(cells.rough).max() < 1e-20
     assert np.abs(cells.curved).max() < 1e-20
-    uncovered = (cells.uncovered & 3) > 0
+    uncovered = (cells.uncovered & UNCOVERED) > 0
     assert not uncovered[cells.closed == 1].any()
     assert uncovered[cells.closed == 0].any()
 

@@ -85,3 +85,28 @@ def test_squares_through_each_other_lose_nothing_where_they_cross():
         near = (np.abs(across) < spacing) & (np.abs(flat[:, 0]) < 0.45)
         strip, found = strip + 2 * 0.9 * 2 * spacing, found + areas[near].sum()
     assert found == pytest.approx(strip, rel=0.045)  # 0.91 where planes were unfolded into each other
+
+
+@pytest.mark.parametrize("thickness", [0.5, 1.0])
+def test_a_plate_thinner_than_its_spacing_loses_little_at_its_rim(thickness):
+    errors = []
+    for seed in range(2):
+        cloud = truth.box(N, seed, (1.0, 1.0, thickness * np.sqrt(2.0 / N)))
+        errors.append(_error(cloud, cloud.normals)[0])
+    assert abs(np.mean(errors)) < 0.005
+
+
+def test_points_on_a_border_lack_nothing():
+    u, v = (x.ravel() for x in np.meshgrid(np.linspace(0.0, 1.0, 60), np.linspace(0.0, 1.0, 60)))
+    points = np.stack([u, v, np.zeros_like(u)], axis=1) @ truth.rotation(3).T
+    normals = np.tile(truth.rotation(3)[:, 2], (len(u), 1))
+    for given in (normals, None):
+        local = local_patches(Neighbourhoods.of(points, np.arange(len(points))), given)
+        assert not local.border.any()
+        assert local.area == pytest.approx(1.0, rel=1e-6)
+
+
+def test_a_square_errs_by_its_border_points_alone():
+    errors = [_error(square, square.normals)[0] for square in (truth.square(N, seed) for seed in range(12))]
+    assert np.std(errors) < 0.0018
+    assert abs(np.mean(errors)) < 0.001

@@ -24,8 +24,11 @@ REACH_RANDOM, REACH_REGULAR = 2.5, 2.1
 """Largest circumradius, in spacings, of a triangle that still belongs to the surface, where points lie at random and
 where they lie in good order: a gap that is common among random points is a hole among regular ones."""
 
-SHIFT_NEAR, SHIFT_FAR = 0.02, 0.12
+SHIFT = 0.02
 """How far, in spacings, an open point is moved inward when it is asked whether the others cover its place."""
+
+UNCOVERED = 1
+"""The bit of ``uncovered`` that tells that they do not."""
 
 FACET = 4
 """The bit of ``uncovered`` that tells that a point and its nearest neighbour lie exactly in both planes."""
@@ -44,11 +47,11 @@ class Cells(NamedTuple):
     """What is known of each point's cell; all arrays have one row for each point.
 
     ``area``: the part of the cell in triangles within reach. ``closed``: 1 where the cell is bounded by neighbours all
-    round. ``uncovered``: bit 0 (near shift) and bit 1 (far shift) are set where an open point's place would not be
-    covered without it. ``rough``: mean square roughness over the star. ``curved``: relative correction for anisotropic
-    curvature. ``secure``: 1 where farther neighbours cannot change the cell. ``star``: the neighbours round the cell in
-    order, padded with -1, without columns where not asked for; bit c of ``joined`` is set where the point, neighbour c
-    and the next one make a triangle of the surface.
+    round. ``uncovered``: the bit UNCOVERED is set where an open point's place would not be covered without it; and
+    FACET. ``rough``: mean square roughness over the star. ``curved``: relative correction for anisotropic curvature.
+    ``secure``: 1 where farther neighbours cannot change the cell. ``star``: the neighbours round the cell in order,
+    padded with -1, without columns where not asked for; bit c of ``joined`` is set where the point, neighbour c and the
+    next one make a triangle of the surface.
     """
 
     area: Floats
@@ -250,7 +253,7 @@ def _clip_all(
         if accepted < 3:
             area[i] = rough[i] = curved[i] = 0.0
             closed[i] = joined[i] = 0
-            uncovered[i] = 3
+            uncovered[i] = UNCOVERED
             continue
         cap2 = (reach * h) * (reach * h)
         is_closed = reach2 <= cap2
@@ -306,15 +309,10 @@ def _clip_all(
 
 @kernel
 def _uncovered(u, v, accepted, h, cap2):
-    """Return bit 0 and bit 1: is the place of an open point, moved inward a little or more, covered by the others?"""
+    """Return UNCOVERED if the others do not cover the place of an open point, moved inward a little; else 0."""
     su = sv = 0.0
     for a in range(min(accepted, 12)):
         su += u[a]
         sv += v[a]
-    length = math.sqrt(su * su + sv * sv) + 1e-30 * h
-    flags = 0
-    if not is_covered(u, v, accepted, su / length * SHIFT_NEAR * h, sv / length * SHIFT_NEAR * h, cap2):
-        flags |= 1
-    if not is_covered(u, v, accepted, su / length * SHIFT_FAR * h, sv / length * SHIFT_FAR * h, cap2):
-        flags |= 2
-    return flags
+    shift = SHIFT * h / (math.sqrt(su * su + sv * sv) + 1e-30 * h)
+    return 0 if is_covered(u, v, accepted, su * shift, sv * shift, cap2) else UNCOVERED

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from surfel.core.cast import Floats
 from surfel.core.execute import blocks
-from surfel.surface.border import border_share, nearby_cells, unevenness
-from surfel.surface.cells import FACET, Cells, clip_cells, reach_of
+from surfel.surface.border import along_border, border_share, in_crease, nearby_cells, unevenness
+from surfel.surface.cells import FACET, UNCOVERED, Cells, clip_cells, reach_of
 from surfel.surface.close_sheets import has_close_sheets
 from surfel.surface.denoise import Denoised, denoise, matters
 from surfel.surface.flattened import restored
@@ -39,6 +39,9 @@ the cells, unrolled over it, have already; normals fitted to the points are smoo
 WIDENED, WIDENED_FROM = 0.65, 0.13
 """By how much of a square spacing each spacing of noise, above so many, widens the border at an open point (fitted to
 the open ones of the calibrating shapes)."""
+
+INSIDE = 0.4
+"""Share of the open points that are uncovered, above which they look as if they lay inside the border by chance."""
 
 STEEP, CLEAN = 35.0, 0.006
 """What noise adds to the area of random points that are left where they are, in squares of its level; and the level
@@ -70,7 +73,7 @@ class LocalPatches:
     falls : float
         The power of the spacing with which the noise, in spacings there, falls.
     random_border : bool
-        Whether the border looks like that of randomly scattered points.
+        Whether the points lie inside the border by chance, not on it.
     projected : bool
         Whether noise was taken off.
     sheets : bool
@@ -169,7 +172,7 @@ def _patches_of(
     through = 0 if projected or normals is None else 2  # fitted normals are mixed up where planes meet
     normals = _completed(hood, normals)
     cells = _settled_cells(hood, normals, star, 2 if projected else 1, twist, through)
-    border, random_border = _border(hood, cells)
+    border, random_border = _border(hood, normals, cells, gaps=through > 0)
     areas = cells.area * (1.0 + cells.curved)
     rough = areas * cells.rough
     back = [0.0] * 4
@@ -238,21 +241,26 @@ def _settled_cells(hood: Neighbourhoods, normals: Floats, star: int, proof: int,
     return cells
 
 
-def _border(hood: Neighbourhoods, cells: Cells) -> tuple[Floats, bool]:
-    """Return what each uncovered point stands for, and whether the border is that of random points."""
+def _border(hood: Neighbourhoods, normals: Floats, cells: Cells, *, gaps: bool) -> tuple[Floats, bool]:
+    """Return what open points stand for beyond their cells, and whether points lie inside a border by chance.
+
+    Along a border each adds a share of a cell. Elsewhere cells are open where sheets crowd in a crease and some
+    neighbours are not told to be such: where the normals are given, what these lack of a whole cell is added.
+    """
     border = np.zeros(len(hood))
     opened = cells.closed == 0
     if not opened.any() or not cells.area.any():  # points on a line have no cell, and no border either
         return border, False
-    far = (cells.uncovered & 2) > 0
-    random_border = bool(far[opened].mean() > 0.25)
-    bare = np.flatnonzero((cells.uncovered & 1) > 0 if random_border else far).astype(np.int32)
-    if len(bare):
-        share = border_share(unevenness(cells.area, cells.closed, hood.near))
-        for rows in _in_blocks(bare):
-            wide = hood.index.knn(min(48, len(hood) - 1), rows)[1]
-            border[rows] = share * nearby_cells(rows, wide, cells.area, cells.closed, hood.spacing)
-    return border, random_border
+    uncovered = (cells.uncovered & UNCOVERED) > 0
+    share = border_share(unevenness(cells.area, cells.closed, hood.near))
+    for rows in _in_blocks(np.flatnonzero(opened).astype(np.int32)):
+        wide = hood.index.knn(min(48, len(hood) - 1), rows)[1]
+        size = nearby_cells(rows, wide, cells.area, cells.closed, hood.spacing)
+        border[rows] = share * size * along_border(rows, wide, opened, uncovered)
+        if gaps:
+            lost = (border[rows] == 0.0) & in_crease(hood.points, normals, hood.near, rows)
+            border[rows] += lost * np.maximum(0.0, size - cells.area[rows])
+    return border, bool(uncovered[opened].mean() > INSIDE)
 
 
 def _in_blocks(rows: NDArray[np.int32]) -> list[NDArray[np.int32]]:

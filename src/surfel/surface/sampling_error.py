@@ -16,9 +16,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from surfel.core.cast import Floats
+from surfel.surface.border import in_crease
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.noise import axial_ranks
 from surfel.surface.patches import LocalPatches, local_patches
@@ -31,9 +31,6 @@ LARGEST_PART = 100_000
 
 TOO_NOISY = 0.6
 """Noise, in spacings, above which the surface cannot be told from the noise."""
-
-CREASED_BY, ALIKE = 12, 0.8
-"""A point is in a crease if one of so many neighbours has a normal that makes a smaller cosine with its own."""
 
 THINNED = 1.15
 BORDER, BORDER_BIAS, CREASE, OPEN = 2.8, 0.28, 1.2, 1.6
@@ -114,23 +111,12 @@ def _border(whole: LocalPatches) -> float:
     bare = np.flatnonzero(whole.border > 0.0)
     shares = whole.border[bare]
     alone, together = BORDER * math.sqrt(float((shares**2).sum())), BORDER_BIAS * float(shares.sum())
-    creased = CREASE * float(shares[_in_crease(whole, bare)].sum())
+    there = in_crease(whole.hood.points, whole.normals, whole.hood.near, bare)
+    creased = CREASE * float(shares[there].sum())
     opened = 0.0
     if not whole.random_border:
         opened = OPEN * float((whole.hood.spacing[whole.cells.closed == 0] ** 2).sum())
     return math.hypot(alone, together, creased, opened)
-
-
-def _in_crease(whole: LocalPatches, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell which points have neighbours whose normals differ, or that lie on another sheet."""
-    points, normals = whole.hood.points, whole.normals
-    near = whole.hood.near[rows, :CREASED_BY]
-    offset = points[near] - points[rows][:, None]
-    own = np.abs(np.einsum("ijk,ik->ij", offset, normals[rows]))
-    other = np.abs(np.einsum("ijk,ijk->ij", offset, normals[near]))
-    cosine = np.abs(np.einsum("ijk,ik->ij", normals[near], normals[rows]))
-    steep = (own + other) ** 2 > 0.36 * np.einsum("ijk,ijk->ij", offset, offset)
-    return np.asarray(((cosine < ALIKE) | steep).any(axis=1))
 
 
 def _roughness(whole: LocalPatches) -> float:
