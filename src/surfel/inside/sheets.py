@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -162,7 +161,7 @@ def side_of_sheets(points, normals, x, y, z, squares, near, sums):
         j = near[a]
         nx, ny, nz = normals[j, 0], normals[j, 1], normals[j, 2]
         c = 0 if one or dot(nx, ny, nz, lx, ly, lz) >= dot(nx, ny, nz, ox, oy, oz) else 1
-        weight = math.exp((squares[0] - squares[a]) * inverse)
+        weight = falloff((squares[a] - squares[0]) * inverse)
         dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
         sums[c, 0] += weight * nx
         sums[c, 1] += weight * ny
@@ -231,7 +230,7 @@ def _bend_below(points, normals, x, y, z, squares, near, inverse, sums):
     turns = steps = 0.0
     for a in range(len(near)):
         j = near[a]
-        weight = math.exp((squares[0] - squares[a]) * inverse)
+        weight = falloff((squares[a] - squares[0]) * inverse)
         dx, dy, dz = points[j, 0] - x - sums[0, 3], points[j, 1] - y - sums[0, 4], points[j, 2] - z - sums[0, 5]
         step = dot(dx, dy, dz, tx, ty, tz)
         turns += weight * step * dot(normals[j, 0], normals[j, 1], normals[j, 2], tx, ty, tz)
