@@ -137,3 +137,19 @@ def test_films_are_about_the_same_whatever_the_order_of_the_points() -> None:
     a, b = Classifier(Operand.of(p, p)), Classifier(Operand.of(p[mixed], p[mixed]))
     assert (a.classify(places()).kind != b.classify(places()).kind).mean() < 1e-4
     assert a.conflict == pytest.approx(b.conflict, abs=0.002)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.2])
+def test_an_open_surface_with_flipped_surfels_is_closed_where_it_is_open(share: float) -> None:
+    """Rims beside flipped surfels would be everywhere, and a film through their winding numbers lie off."""
+    rng = np.random.default_rng(3)
+    points = rng.standard_normal((50_000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    points = points[points[:, 2] > 0.0]
+    normals = np.where(rng.random(len(points))[:, None] < share, -points, points)
+    half = Classifier(Operand.of(points, normals))
+    places = rng.uniform([-1.1, -1.1, -0.3], 1.1, (20_000, 3))
+    places = places[np.abs(places[:, 2]) > 0.1]
+    true = (np.linalg.norm(places, axis=1) < 1.0) & (places[:, 2] > 0.0)
+    assert half.leaky
+    assert (half.classify(places).inside != true).mean() < 0.003

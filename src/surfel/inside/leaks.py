@@ -11,10 +11,14 @@ from surfel.core.cast import Booleans, Floats
 from surfel.inside.films import find_film
 from surfel.inside.grid import BORDER, IN, OUT, Frame, Grid
 from surfel.inside.operand import Operand
+from surfel.inside.outvoted import outvoted
 from surfel.inside.rims import Cells, find_rims, grown
 from surfel.inside.sight import Sight, cells_seen
 from surfel.inside.space import Space, bits_at, component_of, set_bits, with_border
 from surfel.inside.votes import SLIGHT, capped_areas
+
+SCATTERED = 0.01
+"""Share of outvoted surfels from which on they are turned before a film is looked for: it would lie off by as much."""
 
 RIM = 3
 """Votes are doubtful that are cast into a film; where none is, those nearest to one, within so many steps."""
@@ -56,15 +60,29 @@ def close_leaks(
     A film is where the winding number of the cloud is 1/2. It is looked for from the rims on, which are where
     what surfels see before them comes close to what others see behind them; from ``wide`` rims more are found.
     """
-    leak = find_rims(space, leaky, *(cells_seen(sight, side, leaky) for side in (0, 1)), wide=wide)
+    against = outvoted(operand, sight.chosen)
+    guarded = sight.guarded.copy()
+    guarded[against] = -1  # beside flipped surfels, rims would seem to be everywhere
+    agreed = sight._replace(guarded=guarded)
+    leak = find_rims(space, leaky, *(cells_seen(agreed, side, leaky) for side in (0, 1)), wide=wide)
     if not len(leak.rims):
         return space, films
-    film = find_film(space.frame, leak, operand)
+    film = find_film(space.frame, leak, _turned(operand) if against.mean() > SCATTERED else operand)
     space = with_border(space, film.cells)
     doubt = np.concatenate([films.doubt, np.zeros((len(space.bricks.border) - len(films.doubt), 8), np.uint64)])
     set_bits(film.cells, space.bricks.table, doubt)
     beside, inside = np.concatenate([films.beside, film.beside]), np.concatenate([films.inside, film.inside])
     return space, Films(doubt, beside, inside)
+
+
+def _turned(operand: Operand) -> Operand:
+    """Return the operand with outvoted surfels turned."""
+
+    def turn() -> Operand:
+        against = outvoted(operand, np.arange(len(operand), dtype=np.int32))
+        return operand.with_normals(np.where(against[:, None], -operand.normals, operand.normals))
+
+    return operand._once("turned", turn)
 
 
 def part_something(operand: Operand, before: Sight, leaky: Booleans, after: Sight, colours: NDArray[np.int8]) -> bool:
