@@ -46,7 +46,15 @@ def cube(per_edge: int) -> surfel.Surfels:
 def report(quick: bool) -> str:
     """Return all tables as Markdown."""
     return "\n".join(
-        ["# Pictures\n", f"{made_on()} {busy()}\n", _times(quick), _edges(quick), _reference(quick), _drags(quick)]
+        [
+            "# Pictures\n",
+            f"{made_on()} {busy()}\n",
+            _times(quick),
+            _edges(quick),
+            _reference(quick),
+            _outlines(quick),
+            _drags(quick),
+        ]
     )
 
 
@@ -163,6 +171,32 @@ def _reference(quick: bool) -> str:
     return (
         table(("pixels that differ from the reference", "reach", "another leaf", "color off by over 32"), lines) + note
     )
+
+
+def random_torus(n: int, small: float) -> surfel.Surfels:
+    """Return random points of a torus of radii 1 and ``small`` with their normals, even by area."""
+    rng = np.random.default_rng(1)
+    u, v = rng.uniform(0.0, 2.0 * np.pi, (2, 4 * n))
+    even = rng.uniform(0.0, 1.0 + small, 4 * n) < 1.0 + small * np.cos(v)
+    u, v = u[even][:n], v[even][:n]
+    normals = np.column_stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)])
+    return surfel.Surfels(np.column_stack([np.cos(u), np.sin(u), 0.0 * u]) + small * normals, normals=normals)
+
+
+def _outlines(quick: bool) -> str:
+    """Return how well splats, and the reference itself, which crosses triangles, keep to outlines that are known."""
+    lines = []
+    for n in (5_000,) if quick else (5_000, 20_000):
+        for small in (0.4, 0.1):
+            truth = surfel.render(surfel.Torus(1.0, small), CAMERA, SIZE, smooth=False).ids >= 0
+            found = []
+            for how in (False, True):
+                image = surfel.render(random_torus(n, small), CAMERA, SIZE, smooth=False, reference=how).ids >= 0
+                found += [np.count_nonzero(image & ~truth), np.count_nonzero(truth & ~image)]
+            share = (f"{100 * value / np.count_nonzero(truth):.3f} %" for value in found)
+            lines.append((f"torus 1 and {small:g}, {n:,} random points", *share))
+    head = ("outline against the exact surface", "splats: beyond", "within", "reference: beyond", "within")
+    return table(head, lines) + "The reference crosses triangles between the points, below a convex surface.\n"
 
 
 def _scans() -> list[tuple[str, Path]]:

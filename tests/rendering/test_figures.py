@@ -90,12 +90,35 @@ def test_a_slice_of_space_tells_what_the_classifier_does(axis):
         assert cell == 5 or (found == BORDER).any()
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_slice_of_an_octree_shows_each_leaf_once(axis):
+    from surfel.booleans.figures import leaves_of
+    from surfel.inside.grid import BORDER, IN
+    from surfel.inside.octree import build_octree
+
+    operand = ball(3000, 1.0, (0.3, 0.1, -0.2)).operand
+    tree = build_octree(operand, 5)
+    squares, colours = leaves_of(tree, operand, axis, 15)
+    areas = np.prod(squares[:, 2] - squares[:, 0], axis=1)
+    assert areas.sum() == 32**2 and len(set(areas)) > 2  # the layer is covered, by leaves of several sizes
+    middles = 0.5 * (squares[:, 0] + squares[:, 2])
+    assert len(np.unique(middles, axis=0)) == len(middles)
+    step = tree.size / 32
+    centre = np.delete((np.array([0.3, 0.1, -0.2]) - operand.origin - tree.low) / step, axis)
+    far = np.linalg.norm(middles - centre, axis=1) * step
+    assert (far[colours == BORDER] > 0.8).all()
+    assert (far[colours == IN] < 1.0).mean() > 0.9  # level by level errs beside the border, as published
+    assert (colours[far < 0.8] == IN).all()
+
+
 def test_space_is_plotted():
     pytest.importorskip("matplotlib")
     space = surfel.Classifier(ball(3000))
     axes = space.plot("z", at=0.25).axes[0]
     assert "z = 0.25" in axes.get_title() and set(np.unique(axes.images[0].get_array())) == {0, 1, 2}
-    for wrong, said in (({"axis": "w"}, "axis"), ({"at": 9.0}, "at=9")):
+    axes = space.plot("z", at=0.25, octree=5).axes[0]
+    assert axes.get_title().startswith("octree at z = 0.25") and len(axes.collections[0].get_paths()) > 100
+    for wrong, said in (({"axis": "w"}, "axis"), ({"at": 9.0}, "at=9"), ({"octree": 9}, "octree must be between 1")):
         with pytest.raises(surfel.InputError, match=said):
             space.plot(**wrong)
     assert surfel.Classifier(surfel.Surfels(np.empty((0, 3)))).plot().axes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.render import ball, cube
+from benchmarks.render import ball, cube, random_torus
 
 import surfel
 from surfel import Camera
@@ -36,6 +36,16 @@ def test_a_ball_of_points_is_as_round_and_as_deep_as_the_sphere(orthographic):
     normals = image.normals[[50, 70], [60, 90]]
     np.testing.assert_allclose(np.linalg.norm(places, axis=1), 1.0, atol=2e-3)
     assert (np.einsum("ij,ij->i", places, normals) > 0.999).all()
+
+
+def test_thin_parts_have_the_outline_of_the_surface_and_not_of_triangles_below_it():
+    cloud, size = random_torus(5_000, 0.1), (640, 480)
+    truth = surfel.render(surfel.Torus(1.0, 0.1), CAMERA, size, smooth=False).ids >= 0
+    splats, triangles = (
+        (surfel.render(cloud, CAMERA, size, smooth=False, reference=how).ids >= 0) != truth for how in (False, True)
+    )
+    assert splats.sum() <= 0.004 * truth.sum()
+    assert 2 * splats.sum() < triangles.sum()  # which the reference crosses
 
 
 @pytest.mark.parametrize("kind", ["exact", "mesh", "polynomial"])

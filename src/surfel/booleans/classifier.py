@@ -163,7 +163,7 @@ class Classifier:
         """
         return Classifier._of(self._inner.edited(rows, points, normals))
 
-    def plot(self, axis: str = "y", at: float | None = None) -> Any:
+    def plot(self, axis: str = "y", at: float | None = None, octree: int | None = None) -> Any:
         """Return a figure of matplotlib (extra ``plot``): a slice of space in cells, outside, inside and border.
 
         Parameters
@@ -172,14 +172,17 @@ class Classifier:
             What the slice is across.
         at : float, optional
             Where it is; by default in the middle of the points.
+        octree : int, optional
+            Show an octree of so many levels instead, 1 to 8, colored level by level as Adams and Dutre did (Gaal, sec.
+            6.1); it is not what the classifier uses.
 
         Raises
         ------
         InputError
-            If there is no such axis, or the slice lies beyond the cells.
+            If there is no such axis, the slice lies beyond the cells, or an octree of so many levels is none.
         MissingExtraError
             If matplotlib is not installed.
         """
         from surfel.booleans.figures import plot_space
 
-        return plot_space(self._inner, axis, at)
+        return plot_space(self._inner, axis, at, octree)

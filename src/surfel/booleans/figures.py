@@ -1,4 +1,4 @@
-"""Figures of Boolean operations: the colored cells of space in slices, and the curve of a cut, drawn by matplotlib."""
+"""Figures of Boolean operations by matplotlib: slices of colored cells or of an octree, and the curve of a cut."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel.core.cast import Floats, as_number
+from surfel.core.cast import Floats, as_count, as_number
 from surfel.core.errors import InputError
 from surfel.core.figure import new_figure
 from surfel.inside.grid import ALL_IN, BORDER, IN, OUT, SIDE, Grid
+from surfel.inside.octree import Octree, build_octree
+from surfel.inside.octree_colour import colour_per_level
+from surfel.inside.operand import Operand
 
 if TYPE_CHECKING:
     from surfel.booleans.result import Combination
@@ -18,6 +21,7 @@ if TYPE_CHECKING:
 
 _AXES = "xyz"
 _COLORS = ("#f4f1ea", "#9db7cc", "#b5654a")  # outside, inside, border
+_DEEPEST = 8  # levels
 _MOST = 40_000  # points that are drawn
 
 
@@ -49,10 +53,11 @@ def _bits(words: NDArray[np.uint64]) -> NDArray[np.uint8]:
     return np.unpackbits(words.astype("<u8").view(np.uint8).reshape(SIDE, SIDE, 1), axis=2, bitorder="little")
 
 
-def plot_space(classifier: Classifier, axis: str, at: float | None) -> Any:
+def plot_space(classifier: Classifier, axis: str, at: float | None, octree: int | None) -> Any:
     """Return the figure of :meth:`surfel.Classifier.plot`."""
     if axis not in tuple(_AXES):
         raise InputError(f"axis must be x, y or z; got {axis!r}")
+    depth = None if octree is None else as_count(octree, "octree", 1, _DEEPEST)
     across, coloured, operand = _AXES.index(axis), classifier._coloured, classifier.operand
     figure = new_figure(5.6, 5.0)
     axes = figure.subplots()
@@ -60,22 +65,61 @@ def plot_space(classifier: Classifier, axis: str, at: float | None) -> Any:
         axes.set_title("an empty cloud: all of space is outside", fontsize=9)
         return figure
     grid = coloured.grid
-    low = np.asarray(grid.low) + operand.origin
-    high = low + grid.step * SIDE * np.array(grid.table.shape)
+    tree = None if depth is None else build_octree(operand, depth)
+    low = np.asarray(grid.low if tree is None else tree.low) + operand.origin
+    high = low + (grid.step * SIDE * np.array(grid.table.shape) if tree is None else tree.size)
     points = operand.points + operand.origin
     place = float(np.median(points[:, across])) if at is None else as_number(at, "at")
     if not low[across] <= place < high[across]:
         raise InputError(f"space is colored between {axis} = {low[across]:g} and {high[across]:g}; got at={place:g}")
-    cells = slice_of(grid, across, int((place - low[across]) / grid.step))
     one, other = (k for k in range(3) if k != across)
-    _draw_cells(axes, cells, (low[one], high[one], low[other], high[other]))
-    near = np.abs(points[:, across] - place) < grid.step
+    if tree is None:
+        step = grid.step
+        cells = slice_of(grid, across, int((place - low[across]) / step))
+        _draw_cells(axes, cells, (low[one], high[one], low[other], high[other]))
+    else:
+        step = tree.size / 2**tree.depth
+        squares, colours = leaves_of(tree, operand, across, int((place - low[across]) / step))
+        _draw_leaves(axes, low[[one, other]] + step * squares, colours)
+    near = np.abs(points[:, across] - place) < step
     some = points[near][:: max(1, int(near.sum()) // _MOST)]
     axes.plot(some[:, one], some[:, other], ".", color="0.1", markersize=1.0)
     axes.set_xlabel(_AXES[one], fontsize=8)
     axes.set_ylabel(_AXES[other], fontsize=8)
-    axes.set_title(f"cells at {axis} = {place:g}: inside blue, border red", fontsize=9)
+    what = "cells" if tree is None else "octree"
+    axes.set_title(f"{what} at {axis} = {place:g}: inside blue, border red", fontsize=9)
     return figure
+
+
+def leaves_of(tree: Octree, operand: Operand, axis: int, cell: int) -> tuple[Floats, NDArray[np.int8]]:
+    """Return the leaves that one layer of the finest cells passes: their corners, counted in these cells, and colors.
+
+    Parameters
+    ----------
+    tree : Octree
+        Divided space.
+    operand : Operand
+        What it was divided for; colored level by level, as published.
+    axis : int
+        Which axis the layer is across.
+    cell : int
+        Which layer, counted from the lowest corner.
+    """
+    wide = 2 ** (tree.depth - tree.level)
+    met = np.flatnonzero((tree.child < 0) & (tree.cell[:, axis] == cell // wide))
+    low = np.delete(tree.cell[met], axis, axis=1) * wide[met, None]
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    return low[:, None].astype(np.float64) + square * wide[met, None, None], colour_per_level(tree, operand)[met]
+
+
+def _draw_leaves(axes: Any, squares: Floats, colours: NDArray[np.int8]) -> None:
+    from matplotlib.collections import PolyCollection
+
+    faces = [_COLORS[2] if c == BORDER else _COLORS[1] if c == IN else _COLORS[0] for c in colours]
+    axes.add_collection(PolyCollection(list(squares), facecolors=faces, edgecolors="0.5", linewidths=0.3))
+    axes.autoscale_view()
+    axes.set_aspect("equal")
+    axes.tick_params(labelsize=8)
 
 
 def _draw_cells(axes: Any, cells: NDArray[np.int8], extent: tuple[float, ...]) -> None:
