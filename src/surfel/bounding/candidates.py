@@ -12,7 +12,7 @@ from surfel._numba import kernel
 from surfel.bounding.evaluate import cell_of
 from surfel.bounding.lanes import row_add, row_times
 from surfel.bounding.normal import Unknowns, add_cell, fill_row
-from surfel.bounding.runs import gram_run
+from surfel.bounding.runs import dot_run, gram_run
 from surfel.core.cast import Floats, Integers
 
 
@@ -72,6 +72,16 @@ class Rows:
         """Add ``A^T diag(theta) A`` to a band matrix."""
         u = self.unknowns
         _add_normal(self.cell, self.weight, theta, u.along_u, u.along_v, u.step_u, u.step_v, band)
+
+
+def product(x: Floats, y: Floats) -> float:
+    """Return the inner product, in one order on one thread: for long vectors numpy would wake others and wait."""
+    return float(_product(x, y))
+
+
+@kernel
+def _product(x, y):
+    return dot_run(x, np.int64(0), y, np.int64(0), x.shape[0])
 
 
 @kernel

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from surfel._numba import kernel
-from surfel.bounding.candidates import Rows
+from surfel.bounding.candidates import Rows, product
 from surfel.bounding.energy import Tether, no_matrix
 from surfel.bounding.normal import PAD, factorize, solve
 from surfel.core.cast import Floats
@@ -57,7 +57,7 @@ class Walk:
     @property
     def gap(self) -> float:
         """The mean gap of x, in half ranges."""
-        return max(float(self.cost @ self.x) - self.level, 1e-12)
+        return max(product(self.cost, self.x) - self.level, 1e-12)
 
     def left(self, box: float = 0.0) -> float:
         """Return what may be left to gain, or to mend, as a share of the mean gap.
@@ -66,7 +66,7 @@ class Walk:
         """
         self._primal = self.rows.times(self.x) - self.s - self.z
         self._dual = self.rows.transposed_times(self.y) + self._tether.force(self.x) - self.cost
-        gained = max(float(self.s @ self.y), float(np.abs(self._primal).max())) / max(self.gap, 0.1 * self._first)
+        gained = max(product(self.s, self.y), float(np.abs(self._primal).max())) / max(self.gap, 0.1 * self._first)
         return max(gained, max(AROUND, box / self.gap) * float(np.abs(self._dual).sum()))
 
     def step(self) -> bool:
@@ -79,10 +79,10 @@ class Walk:
         band[:, -1 - PAD] += 1e-14 + 1e-13 * band[:, -1 - PAD]
         if not (np.isfinite(theta).all() and factorize(band)):
             return False
-        mu = float(s @ y) / count
+        mu = product(s, y) / count
         dx, ds, dy = self._direction(band, theta, y)
         reach_s, reach_y = _reach(s, ds), _reach(y, dy)
-        after = float((s + reach_s * ds) @ (y + reach_y * dy)) / count
+        after = product(s + reach_s * ds, y + reach_y * dy) / count
         center = (after / mu) ** 3 * mu
         dx, ds, dy = self._direction(band, theta, y + (ds * dy - center) / s)
         reach_s, reach_y = min(1.0, 0.99 * _reach(s, ds, 1e9)), min(1.0, 0.99 * _reach(y, dy, 1e9))
@@ -108,7 +108,7 @@ class Walk:
 
     def _draw_back(self, y: Floats) -> None:
         self.s = np.maximum(self.rows.times(self.x) - self.z, FLOOR * self.gap)
-        self.y = np.maximum(y, float(self.s @ y) / (len(y) * self.s))
+        self.y = np.maximum(y, product(self.s, y) / (len(y) * self.s))
 
     def drop(self, share: float) -> None:
         """Let constraints go whose multipliers are less than a share of the mean."""

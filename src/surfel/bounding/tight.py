@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from surfel.bounding.candidates import Rows
+from surfel.bounding.candidates import Rows, product
 from surfel.bounding.corners import corners_of, over_corners
 from surfel.bounding.energy import Tether, no_matrix
 from surfel.bounding.evaluate import values
@@ -75,17 +75,17 @@ def fit_tight(job: Job) -> Outcome:
         weight = by_cells(seen.uv, np.where(seen.count > 0, seen.count, -np.inf), job.split)[1]
     rows, z = Rows.of(uv, job.unknowns), job.scale.inward(height)
     start = _start(job, reference.coefficients, uv, height)
-    if float(cost @ start) - level <= CLOSE:
+    if product(cost, start) - level <= CLOSE:
         surface = job.scale.outward(job.unknowns.spread(start))
         return Outcome(surface, reference.rounds, 0, (rows, z, np.zeros(len(z))))
-    price = TETHER * (float(cost @ start) - level)
+    price = TETHER * (product(cost, start) - level)
     tether = Tether(job.unknowns, STIFF * price, price, price * start)
     walk = Walk(rows, z, cost, level, tether, start, weight / weight.sum())
     _arrive(job, walk, start)
     x = walk.x if _is_better(walk.x, start, cost) else start
     surface = job.scale.outward(job.unknowns.spread(x))
     proven, y = _proven(job, walk.rows, walk.z, walk.y, cost)
-    if proven - level < PROVEN * (float(cost @ x) - level):
+    if proven - level < PROVEN * (product(cost, x) - level):
         walk.loosen(PROOF)
         while walk.steps < MOST_STEPS and walk.left(BOX) > TOLERANCE and walk.step():
             pass
@@ -116,7 +116,7 @@ def _arrive(job: Job, walk: Walk, start: Floats) -> None:
 
 def _is_better(x: Floats, start: Floats, cost: Floats) -> bool:
     """Tell whether the interior method did its work: it may fail where rounding leaves the constraints no inside."""
-    return bool(np.isfinite(x).all() and np.abs(x).max() <= TAME and float(cost @ x) <= float(cost @ start))
+    return bool(np.isfinite(x).all() and np.abs(x).max() <= TAME and product(cost, x) <= product(cost, start))
 
 
 def dual_bound(job: Job, duals: Duals, residuals: Residuals) -> float:
@@ -137,8 +137,8 @@ def _proven(job: Job, rows: Rows, z: Floats, y: Floats, cost: Floats) -> tuple[f
     for _ in range(8):
         left = cost - rows.transposed_times(y)
         charge = BOX * float(np.abs(left).sum())
-        if float(y @ z) - charge > best:
-            best, kept = float(y @ z) - charge, y
+        if product(y, z) - charge > best:
+            best, kept = product(y, z) - charge, y
         if charge <= 1e-9 or charge > 0.5 * before:
             break
         before = charge
@@ -173,4 +173,4 @@ def _heights(seen: Residuals) -> Floats:
 def _cost_of_candidates(job: Job) -> tuple[Floats, float]:
     """Return the mean weights and the mean height as the candidates of the first pass know them."""
     weight = job.weight / job.weight.sum()
-    return Rows.of(job.uv, job.unknowns).transposed_times(weight), float(job.scale.inward(job.height) @ weight)
+    return Rows.of(job.uv, job.unknowns).transposed_times(weight), product(job.scale.inward(job.height), weight)
