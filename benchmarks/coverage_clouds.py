@@ -1,7 +1,8 @@
 """How often the nominal 95 % intervals of clouds hold the truth, on shapes that the intervals were not fitted to.
 
 Every shape gives the same number of clouds: of 5,000, 20,000 and 100,000 points, at random, evenly apart, along scan
-lines or 16 or 30 times as dense at one end, with normals or none, clean or with noise of up to half a spacing.
+lines or 16 or 30 times as dense at one end, with normals, some of them with one in a hundred that points anywhere, or
+none, clean or with noise of up to half a spacing.
 """
 
 from __future__ import annotations
@@ -23,7 +24,10 @@ from benchmarks.tables import busy, made_on, percent, table
 from surfel.core.estimate import Estimate
 
 SIZES = (5_000, 20_000, 100_000)
-NOISES = (0.0, 0.02, 0.1, 0.25, 0.5)
+NOISES = (0.0, 0.007, 0.02, 0.1, 0.25, 0.5)
+WRONG = 0.01
+"""Share of the given normals, of one in four clouds that have any, that point anywhere."""
+
 CLOUDS = 14
 """Clouds of each shape."""
 
@@ -44,6 +48,7 @@ class Case:
     noise: float
     normals: bool
     seed: int
+    wrong: float = 0.0
 
     def cloud(self) -> Cloud:
         """Make the cloud; noise is Gaussian in all directions, in spacings of an even cloud of as many points."""
@@ -52,6 +57,10 @@ class Case:
         if self.noise:
             sigma = self.noise * math.sqrt(known.area / len(points))
             points = points + sigma * random.standard_normal(points.shape)
+        if self.wrong:
+            anywhere = random.standard_normal(normals.shape)
+            anywhere /= np.linalg.norm(anywhere, axis=1, keepdims=True)
+            normals = np.where(random.random((len(normals), 1)) < self.wrong, anywhere, normals)
         return Cloud(self.shape, points, normals if self.normals else None, known)
 
 
@@ -84,7 +93,8 @@ def cases_of(name: str, clouds: int = CLOUDS) -> Iterator[Case]:
     noises = _dealt((0.0, 0.0, 0.0, 0.0, *NOISES[1:]), clouds, random)
     for seed, (size, sampling, noise) in enumerate(zip(sizes, samplings, noises, strict=True)):
         given = bool(random.random() < (0.5 if noise == 0.0 else 0.25))
-        yield Case(name, size, sampling, noise, given, seed)
+        wrong = WRONG if given and random.random() < 0.25 else 0.0
+        yield Case(name, size, sampling, noise, given, seed, wrong)
 
 
 def _dealt(values: tuple, count: int, random: np.random.Generator) -> list:
@@ -217,7 +227,7 @@ def _volumes(answers: list[Answer]) -> str:
 
 _STRATA: dict[str, Callable[[Case], str]] = {
     "points": lambda case: f"{case.size:7,}",
-    "normals": lambda case: "given" if case.normals else "none",
+    "normals": lambda case: (f"given, {case.wrong:.0%} wrong" if case.wrong else "given") if case.normals else "none",
     "noise": lambda case: f"{case.noise:g} spacings" if case.noise else "clean",
     "sampling": lambda case: case.sampling,
 }

@@ -77,11 +77,13 @@ def _facts(result: Measurement, units: str) -> list[tuple[str, str]]:
         facts.append(("noise", f"{result.noise:.2g} spacings"))
     if result.points:
         counts = dict(result.cleaning)
-        without = counts.pop("without_normal", 0)
+        without, wrong = counts.pop("without_normal", 0), counts.pop("wrong_normals", 0)
         dropped = [f"{count:,} {name.replace('_', ' ')}" for name, count in counts.items() if count]
         facts.append(("dropped", ", ".join(dropped) if dropped else "nothing"))
         if without:
             facts.append(("normals", f"{without:,} unknown ones were fitted"))
+        if wrong:
+            facts.append(("normals", f"{wrong:,} differ from those of all neighbours, and were fitted"))
     compiling = f", and {result.compile_seconds:.1f} s compiling once" if result.compile_seconds >= 0.05 else ""
     facts.append(("time", f"{result.seconds:.2f} s{compiling}"))
     return facts

@@ -15,9 +15,16 @@ from surfel.measuring.measurement import Measurement
 from surfel.shapes.cloud_surface import CloudSurface
 from surfel.shapes.surfels import CLOSED_BELOW, Surfels
 from surfel.surface.sampling_error import HALVES_FROM, TOO_NOISY
+from surfel.surface.trusted import Trusted
 
 FEW_POINTS = 100
 """With fewer points no interval is called reliable."""
+
+TOLD = 0.005
+"""Share of single normals that were replaced from which it is said."""
+
+REPLACED = 0.03
+"""Standard error of the area for normals that were replaced, as a share of theirs: one in ten is not found."""
 
 RAGGED = 0.025
 """Roughness of the points as they are, as a share of the area, above which neighbours do not lie on one surface."""
@@ -44,13 +51,21 @@ def measure_cloud(
         area=Estimate(0.0, 0.0),
         method=method,
         points=len(cloud) + cloud.dropped,
-        cleaning={"non_finite": cloud.dropped, **surface.cleaning, "without_normal": _without_normal(cloud)},
+        cleaning={
+            "non_finite": cloud.dropped,
+            **surface.cleaning,
+            "without_normal": _without_normal(cloud),
+            "wrong_normals": surface.trusted.wrong,
+        },
         spacing=surface.spacing,
         noise=surface.noise,
     )
     if known.points == 0:
         return replace(known, areas=(known.area,), warnings=("the cloud is empty",))
-    cleaned = _cleaning_warnings(known.cleaning, known.points)
+    cleaned = [
+        *_normals_warnings(surface.trusted, len(surface.rows)),
+        *_cleaning_warnings(known.cleaning, known.points),
+    ]
     local = surface.local
     if local is None or local.area == 0.0:
         what = "lie at fewer than four places" if local is None else "lie on a line, or too far apart to tell a surface"
@@ -102,6 +117,8 @@ def _area_of_cloud(surface: CloudSurface, counted: LineResult | None) -> Estimat
     square = surface.scale**2
     local, sampling = surface.known
     value, error = local.area * square, sampling.standard_error * square
+    replaced = 0 if surface.trusted.refused else surface.trusted.wrong
+    error = float(combine_errors(error, REPLACED * replaced / len(local.areas) * value))
     if counted is not None:
         value, error = float(counted.area.value), float(combine_errors(error, counted.area.standard_error))
     reasons = []
@@ -178,6 +195,22 @@ def depth_error(surface: CloudSurface) -> float:
 
 def _without_normal(cloud: Surfels) -> int:
     return 0 if cloud.normals is None else int((~cloud.normals.any(axis=1)).sum())
+
+
+def _normals_warnings(trusted: Trusted, points: int) -> list[str]:
+    """Say which of the given normals were not believed; a few that differ may be fine detail."""
+    if trusted.refused:
+        return [
+            f"the given normals do not belong to the points, which fitted ones describe better: {trusted.wrong:,} of "
+            f"{points:,} differ from those of all neighbours, the others are typically "
+            f"{math.degrees(trusted.slant):.1f} degrees off, and more where edges were rounded off; they were left out"
+        ]
+    if trusted.wrong > TOLD * points:
+        return [
+            f"{trusted.wrong:,} of the given normals differ from those of all neighbours, whose points show no edge "
+            "there; others were fitted in their place"
+        ]
+    return []
 
 
 def _cleaning_warnings(cleaning: Any, points: int) -> list[str]:

@@ -41,7 +41,7 @@ class Measurement:
     noise : float
         Standard deviation of the points off the surface, in spacings.
     cleaning : mapping of str to int
-        What was dropped, by reason.
+        What was dropped, by reason; and how many normals were unknown or wrong, which were fitted.
     method : str
         How the area was found.
     lines : int

@@ -40,6 +40,9 @@ def classifier_of(cloud: Surfels) -> Classifier:
     if not len(rows):
         return Classifier(Operand.of(np.empty((0, 3)), np.empty((0, 3))))
     part = cloud if len(rows) == len(cloud) else cloud[rows]
+    believed = part.surface.trusted.normals
+    if believed is not part.normals:
+        part = part._like(normals=_signed_anew(part) if believed is None else believed)
     found = part.classifier
     if _doubt(found) < _DOUBTFUL:
         return found
@@ -82,7 +85,7 @@ def _signed_anew(cloud: Surfels) -> Floats:
     outward = _sides_of_pieces(cloud, places, oriented, spacing, piece)
     signed = np.zeros((len(cloud), 3))
     signed[local.hood.rows] = oriented * outward[piece][:, None]
-    given = cloud.normals
+    given = surface.trusted.normals
     if given is None:
         return signed
     side = np.where(np.einsum("ij,ij->i", given, signed) < 0.0, -1.0, 1.0)

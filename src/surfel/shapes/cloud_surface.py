@@ -28,6 +28,7 @@ from surfel.surface.orient import Orientation, orient
 from surfel.surface.overlay import is_overlay
 from surfel.surface.patches import LocalPatches, local_patches
 from surfel.surface.sampling_error import SamplingError, sampling_error
+from surfel.surface.trusted import Trusted, trusted_normals
 
 if TYPE_CHECKING:
     from surfel.shapes.clips import Clips
@@ -89,6 +90,15 @@ class CloudSurface:
         return math.nan if self.local is None else self.local.noise
 
     @property
+    def trusted(self) -> Trusted:
+        """The given normals, as far as the points bear them out."""
+        hood = self._cleaned[0]
+        if hood is None or self._given is None:
+            return Trusted(self._given)
+        given = self._given
+        return self._once("trusted", lambda: trusted_normals(hood, given))
+
+    @property
     def two_sheets(self) -> bool:
         """Whether what reads as noise is two sheets of points nearer to each other than their spacing."""
         hood, noise = self._cleaned[0], self.noise
@@ -96,24 +106,28 @@ class CloudSurface:
 
     @property
     def is_overlay(self) -> bool:
-        """Whether the points lie as those of several scans do, some of which overlap."""
+        """Whether the points lie as those of several scans do, some of which overlap.
+
+        The parts of a Boolean's result, which are cut off, are sampled each in its own way.
+        """
         hood = self._cleaned[0]
-        return hood is not None and self._once("is_overlay", lambda: is_overlay(hood))
+        return hood is not None and self._clips is None and self._once("is_overlay", lambda: is_overlay(hood))
 
     @property
     def overlaid(self) -> bool:
         """Whether layers of points that face the same way, by the given normals, lie closer than their points."""
         hood, local = self._cleaned[0], self.local
-        if hood is None or local is None or self._given is None or not local.sheets:
+        normals = self.trusted.normals
+        if hood is None or local is None or normals is None or not local.sheets:
             return False
-        given = self._given[hood.rows]
+        given = normals[hood.rows]
         return self._once("overlaid", lambda: faces_one_way(hood, given))
 
     @property
     def crowded(self) -> bool:
         """Whether sheets lie so close, of a cloud without normals, that their points cannot be told apart."""
         local = self.local
-        if local is None or self._given is not None:
+        if local is None or self.trusted.normals is not None:
             return False
         return self._once("crowded", lambda: has_close_sheets(local.hood, local.normals, SHARE_FITTED))
 
@@ -136,10 +150,10 @@ class CloudSurface:
         hood = self._cleaned[0]
         if hood is None:
             return None
-        return self._once("error", lambda: sampling_error(hood, self._given, self._estimated(hood)))
+        return self._once("error", lambda: sampling_error(hood, self.trusted.normals, self._estimated(hood)))
 
     def _estimated(self, hood: Neighbourhoods) -> LocalPatches:
-        return self._once("estimated", lambda: local_patches(hood, self._given, star=STAR))
+        return self._once("estimated", lambda: local_patches(hood, self.trusted.normals, star=STAR))
 
     def _carried(self, found: LocalPatches) -> LocalPatches:
         """Return the patches with the areas that clipped surfels carry."""
@@ -248,9 +262,10 @@ class CloudSurface:
 
     def _signed(self, local: LocalPatches) -> Floats:
         """Give the normals the signs of the given ones; those of unknown sign that of the orientation."""
-        if self._given is None:
+        known = self.trusted.normals
+        if known is None:
             return self.orientation.normals
-        given = self._given[local.hood.rows]
+        given = known[local.hood.rows]
         side = np.sign(np.einsum("ij,ij->i", given, local.normals))
         if (side == 0.0).any():
             oriented = self.orientation.normals

@@ -33,6 +33,10 @@ UNCOVERED = 1
 FACET = 4
 """The bit of ``uncovered`` that tells that a point and its nearest neighbour lie exactly in both planes."""
 
+STEPS = 6.0
+"""How many standard deviations of the noise a neighbour may lie off both planes together, on top of what bends allow:
+close pairs, whom noise sets one above the other, are no sheets of their own."""
+
 _CORNERS = 44  # of a cell, at the most
 _ROOM = 2 * (_CORNERS + 1)  # for a cell while it is clipped: whatever rounding does, each corner gives one or two
 _CHUNK = 64
@@ -94,6 +98,7 @@ def clip_cells(
     final: bool,
     twist: float = 2.0,
     through: int = 0,
+    noise: float = 0.0,
 ) -> None:
     """Clip the cells of the chosen points and write them into ``cells``.
 
@@ -138,6 +143,7 @@ def clip_cells(
             final,
             twist,
             through,
+            noise,
             flat,
             *cells,
         )
@@ -145,7 +151,7 @@ def clip_cells(
 
 @rows
 def _clip_all(
-    begin, end, points, normals, near, spacing, chosen, neighbours, reach, proof, final, twist, through, flat,
+    begin, end, points, normals, near, spacing, chosen, neighbours, reach, proof, final, twist, through, noise, flat,
     area, closed, uncovered, rough, curved, secure, star, joined,
 ):  # fmt: skip
     m, k = neighbours.shape
@@ -156,6 +162,7 @@ def _clip_all(
     for row in range(begin * _CHUNK, min(m, end * _CHUNK)):
         i = chosen[row]
         h = spacing[i]
+        slack, spread = STEPS * noise * h, 2.0 * (noise * h) ** 2
         ox, oy, oz = points[i, 0], points[i, 1], points[i, 2]
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
         ex, ey, ez, fx, fy, fz = tangent_frame(nx, ny, nz)
@@ -182,14 +189,14 @@ def _clip_all(
             own = dx * nx + dy * ny + dz * nz
             other = dx * bx + dy * by + dz * bz
             cosine = nx * bx + ny * by + nz * bz
-            steep = abs(own) + abs(other)
+            steep = max(0.0, abs(own) + abs(other) - slack)
             if steep * steep > 0.36 * square:
                 limit = 0.6 + 1.2 * math.sqrt(max(0.0, 1.0 - cosine * cosine))
                 if steep * steep > limit * limit * square:
                     continue
             if twist < 1.0 and abs(cosine) >= 0.8:
                 # Across a fold that is off by less than the sine of its angle; by more where two sheets run together.
-                off = own + other if cosine > 0.0 else own - other
+                off = max(0.0, abs(own + other if cosine > 0.0 else own - other) - slack)
                 if off * off > max(twist * twist, 1.02 * (1.0 - cosine * cosine)) * square:
                     continue
             verdict = 1
@@ -209,8 +216,9 @@ def _clip_all(
             if verdict == 1:
                 if flat2 < 0.0025 * square:
                     continue
-                scale = math.sqrt(square / flat2)
-                uu, vv, flat2 = uu * scale, vv * scale, square
+                way2 = max(flat2, square - spread)
+                scale = math.sqrt(way2 / flat2)
+                uu, vv, flat2 = uu * scale, vv * scale, way2
                 wi[accepted], wj[accepted] = own, other if cosine >= 0.0 else -other
             else:
                 wi[accepted] = wj[accepted] = math.nan

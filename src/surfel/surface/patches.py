@@ -43,10 +43,6 @@ the open ones of the calibrating shapes)."""
 INSIDE = 0.4
 """Share of the open points that are uncovered, above which they look as if they lay inside the border by chance."""
 
-STEEP, CLEAN = 35.0, 0.006
-"""What noise adds to the area of random points that are left where they are, in squares of its level; and the level
-that relief alone may show."""
-
 _ROWS = 1 << 18  # wide neighbourhoods are looked up for so many points at a time, and never stored whole
 
 
@@ -171,7 +167,8 @@ def _patches_of(
     twist = STRICT if sheets else LOOSE if projected or normals is None else largest_twist(hood, normals)
     through = 0 if projected or normals is None else 2  # fitted normals are mixed up where planes meet
     normals = _completed(hood, normals)
-    cells = _settled_cells(hood, normals, star, 2 if projected else 1, twist, through)
+    left = 0.0 if projected else noise
+    cells = _settled_cells(hood, normals, star, 2 if projected else 1, twist, through, left)
     border, random_border = _border(hood, normals, cells, gaps=through > 0)
     areas = cells.area * (1.0 + cells.curved)
     rough = areas * cells.rough
@@ -182,8 +179,7 @@ def _patches_of(
         back = [float(part.sum()) for part in parts]
         areas = areas + sum(parts) + border
     else:
-        steep = STEEP * max(0.0, noise * noise - CLEAN * CLEAN) * float(np.interp(hood.order, [0.55, 0.75], [1.0, 0.0]))
-        areas = areas * (1.0 - steep) + border + relief * _fine_relief(hood, cells) * rough
+        areas = areas + border + relief * _fine_relief(hood, cells) * rough
     roughness = float(rough.sum())
     return LocalPatches(
         hood, normals, areas, cells, border, roughness, noise, random_border, projected, sheets,
@@ -219,7 +215,9 @@ def _upright(normals: Floats) -> Floats:
     return np.ascontiguousarray(normals * np.where(down, -1.0, 1.0)[:, None])
 
 
-def _settled_cells(hood: Neighbourhoods, normals: Floats, star: int, proof: int, twist: float, through: int) -> Cells:
+def _settled_cells(
+    hood: Neighbourhoods, normals: Floats, star: int, proof: int, twist: float, through: int, noise: float
+) -> Cells:
     """Clip every cell by its near neighbours, then those that farther ones might change by more of them."""
     n, k = hood.near.shape
     reach = reach_of(hood.order) * (SHARED if twist == STRICT else 1.0)
@@ -229,14 +227,14 @@ def _settled_cells(hood: Neighbourhoods, normals: Floats, star: int, proof: int,
     near, spacing = hood.near, hood.spacing
     clip_cells(
         cells, hood.points, normals, near, spacing, everyone, near, reach, proof,
-        final=few, twist=twist, through=through,
+        final=few, twist=twist, through=through, noise=noise,
     )  # fmt: skip
     if not few:
         for rows in _in_blocks(np.flatnonzero(cells.secure == 0).astype(np.int32)):
             wide = hood.index.knn(min(FAR, n - 1), rows)[1]
             clip_cells(
                 cells, hood.points, normals, near, spacing, rows, wide, reach, proof,
-                final=True, twist=twist, through=through,
+                final=True, twist=twist, through=through, noise=noise,
             )  # fmt: skip
     return cells
 
