@@ -44,6 +44,7 @@ def plain_kernels(monkeypatch):
     for name, value in list(vars(roots).items()):
         if hasattr(value, "py_func"):
             monkeypatch.setattr(roots, name, value.py_func)
+    monkeypatch.setattr(roots, "times_plus", lambda x, y, z: x * y + z)
     return roots.zeros
 
 
@@ -67,6 +68,32 @@ def test_polynomials_with_known_zeros(function, expected, plain_kernels):
     count, _ = plain_kernels(bernstein(function), 1e-13, False, np.empty((STACK, WIDTH)), out)
     assert count == len(expected)
     np.testing.assert_allclose(out[:count], expected, atol=2e-3 if len(expected) == 1 else 1e-9)
+
+
+def test_random_polynomials_have_the_zeros_of_their_companion_matrix(plain_kernels):
+    binomial, out = np.array([1, 6, 15, 20, 15, 6, 1]), np.empty(8)
+    rise, fall = np.polynomial.Polynomial([0.0, 1.0]), np.polynomial.Polynomial([1.0, -1.0])
+    rng = np.random.default_rng(6)
+    counts = set()
+    for _ in range(300):
+        c = rng.normal(size=7)
+        roots = sum(b * x * rise**k * fall ** (6 - k) for k, (b, x) in enumerate(zip(binomial, c, strict=True))).roots()
+        expected = np.sort(roots[(abs(roots.imag) < 1e-9) & (roots.real >= 0.0) & (roots.real <= 1.0)].real)
+        count, _ = plain_kernels(c, 1e-14, False, np.empty((STACK, WIDTH)), out)
+        assert count == len(expected)
+        np.testing.assert_allclose(out[:count], expected, atol=1e-11)
+        counts.add(count)
+    assert {0, 1, 2, 3} <= counts
+
+
+def test_one_change_of_sign_is_told_from_the_bits(plain_kernels):
+    from surfel.bounding.roots import change_once
+
+    for code in range(3**7):
+        signs = np.array([code // 3**k % 3 - 1 for k in range(7)])
+        bits = sum(int(s > 0) << k | int(s < 0) << (8 + k) for k, s in enumerate(signs))
+        expected = (signs != 0).all() and np.count_nonzero(np.diff(signs)) <= 1
+        assert bool(change_once(bits)) == expected  # none at all is looked for before
 
 
 @pytest.mark.parametrize("direction", [(0, 0, 1), SKEW])

@@ -11,15 +11,18 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from surfel.bounding.vectors import EIGHT, F64, FOUR, I32, I64, Flat, Lanes, fused, pick, pick_of_two
+from surfel.bounding.vectors import EIGHT, F64, FOUR, I32, I64, Flat, Lanes, every, fused, pick, pick_of_two
 
 _BELOW = [1.0, 1.0 / 6.0, 1.0 / 15.0, 1.0 / 20.0, 1.0 / 15.0, 1.0 / 6.0, 1.0, 0.0]
 """One over the binomial coefficients of degree six, and a last place of no use."""
 
 
 @intrinsic
-def restrict(typing, b, place, width, a0, a1, b0, b1, w0, w1, c):  # type: ignore[no-untyped-def]
+def restrict(typing, b, place, width, a0, a1, b0, b1, w0, w1, tolerance, c):  # type: ignore[no-untyped-def]
     """Write the Bernstein coefficients of the spline minus the height of the line, along the line in one cell.
+
+    Returns one bit for each that lies above the tolerance, the lowest for the first, and from bit 8 on one for each
+    that lies below minus the tolerance; at the tolerance counts, too.
 
     The 16 coefficients of the cell begin at ``place`` in the flat ``b``, in rows of ``width``. The line runs from
     (a0, b0) to (a1, b1) in local coordinates and from w0 to w1 in height. The product of the Bernstein polynomials i
@@ -28,8 +31,8 @@ def restrict(typing, b, place, width, a0, a1, b0, b1, w0, w1, c):  # type: ignor
     """
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        flat, out = (Flat(context, builder, signature.args[i], values[i]) for i in (0, 9))
-        _, place, width, a0, a1, b0, b1, w0, w1, _ = values
+        flat, out = (Flat(context, builder, signature.args[i], values[i]) for i in (0, 10))
+        _, place, width, a0, a1, b0, b1, w0, w1, tolerance, _ = values
         weights = _blossoms(builder, a0, a1, b0, b1)
         along_v = [pick(builder, weight.value, [4, 5, 6, 7]) for weight in weights]
         rows = []
@@ -54,11 +57,25 @@ def restrict(typing, b, place, width, a0, a1, b0, b1, w0, w1, c):  # type: ignor
             sums = sums + placed
         start, end = (Lanes(builder, pick(builder, _four(builder, [w]), [0] * 8)) for w in (w0, w1))
         height = (end - start) * Lanes(builder, _constant([i / 6.0 for i in range(8)])) + start
-        out.put(0, sums * Lanes(builder, _constant(_BELOW)) - height)
-        return context.get_dummy_value()
+        coefficients = sums * Lanes(builder, _constant(_BELOW)) - height
+        out.put(0, coefficients)
+        limit = Lanes(builder, every(builder, tolerance))
+        below = _bits(builder, coefficients.at_most(0.0 - limit))
+        return builder.or_(_bits(builder, limit.at_most(coefficients)), builder.shl(below, ir.Constant(I64, 8)))
 
     f, i = types.float64, types.int64
-    return types.void(b, i, i, f, f, f, f, f, f, c), generate
+    return i(b, i, i, f, f, f, f, f, f, f, c), generate
+
+
+@intrinsic
+def times_plus(typing, x, y, z):  # type: ignore[no-untyped-def]
+    """Return ``x y + z`` of three numbers, rounded once: half the wait of a product and a sum."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.fma(*values)
+
+    f = types.float64
+    return f(f, f, f), generate
 
 
 def _blossoms(builder: Any, a0: Any, a1: Any, b0: Any, b1: Any) -> list[Lanes]:
@@ -85,6 +102,12 @@ def _four(builder: Any, numbers: list[Any]) -> Any:
     for lane, number in enumerate(numbers):
         value = builder.insert_element(value, number, ir.Constant(I32, lane))
     return value if len(numbers) > 1 else pick(builder, value, [0] * 4)
+
+
+def _bits(builder: Any, eight: Any) -> Any:
+    """Return the first seven of eight bits as a whole number."""
+    bits = builder.zext(builder.bitcast(eight, ir.IntType(8)), I64)
+    return builder.and_(bits, ir.Constant(I64, 127))
 
 
 def _constant(eight: list[float]) -> Any:

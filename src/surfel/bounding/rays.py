@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import inlined, inner, rows, threads_for
+from surfel._numba import inlined, rows, threads_for
 from surfel.bounding.along import restrict
 from surfel.bounding.bezier import ROUNDING, cell_bounds, cell_planes
 from surfel.bounding.occupancy import WHOLE, Quarters, quarter
-from surfel.bounding.roots import STACK, WIDTH, zeros
+from surfel.bounding.roots import ALL_ABOVE, ALL_BELOW, ENOUGH, STACK, WIDTH, change_once, zero_between, zeros
 from surfel.core.cast import Floats
 from surfel.core.execute import blocks
 
@@ -109,9 +109,10 @@ def _trace_rows(first, last, sheet, origins, directions, start, found, t):
     span = max(abs(least), abs(most))
     for line in range(first, last):
         found[line] = trace(
-            sheet,
-            origins[line],
-            directions[line],
+            sheet.trim,
+            origins,
+            directions,
+            line,
             start,
             least,
             most,
@@ -121,7 +122,7 @@ def _trace_rows(first, last, sheet, origins, directions, start, found, t):
             c,
             parts,
             roots,
-            t[line],
+            t,
         )
 
 
@@ -134,18 +135,20 @@ def clip(origin, direction, low, high, start, end):
     return max(start, min(a, b)), min(end, max(a, b))
 
 
-@inner
-def trace(sheet, origin, direction, start, least, most, span, flat, table, c, parts, roots, t):
+@inlined
+def trace(trim, origins, directions, line, start, least, most, span, flat, table, c, parts, roots, t):
     """Write the first hits of one line, as many as fit, and return how many there are (at least)."""
-    cells_u, cells_v = sheet.trim.shape
-    du, dv, dw = direction[0], direction[1], direction[2]
-    near, far = clip(origin[0], du, 0.0, float(cells_u), start, np.inf)
-    near, far = clip(origin[1], dv, 0.0, float(cells_v), near, far)
-    near, far = clip(origin[2], dw, least, most, near, far)
+    cells_u, cells_v = trim.shape
+    slots = t.shape[1]
+    x, y, z = origins[line, 0], origins[line, 1], origins[line, 2]
+    du, dv, dw = directions[line, 0], directions[line, 1], directions[line, 2]
+    near, far = clip(x, du, 0.0, float(cells_u), start, np.inf)
+    near, far = clip(y, dv, 0.0, float(cells_v), near, far)
+    near, far = clip(z, dw, least, most, near, far)
     if not near <= far:
         return 0
     # from here on the line starts where it enters: far origins would cost digits
-    u, v, w = origin[0] + du * near, origin[1] + dv * near, origin[2] + dw * near
+    u, v, w = x + du * near, y + dv * near, z + dw * near
     end = far - near
     h = min(max(int(u), 0), cells_u - 1)
     k = min(max(int(v), 0), cells_v - 1)
@@ -170,18 +173,27 @@ def trace(sheet, origin, direction, start, least, most, span, flat, table, c, pa
         else:
             a0, a1 = clamped(u + du * here - h), clamped(u + du * leave - h)
             b0, b1 = clamped(v + dv * here - k), clamped(v + dv * leave - k)
-            restrict(flat, h * (cells_v + 3) + k, cells_v + 3, a0, a1, b0, b1, w_here, w_leave, c)
             tolerance = ROUNDING * (span + max(abs(w_here), abs(w_leave)))
-            here_found, touching = zeros(c, tolerance, touching, parts, roots)
+            signs = restrict(flat, h * (cells_v + 3) + k, cells_v + 3, a0, a1, b0, b1, w_here, w_leave, tolerance, c)
+            if signs in (ALL_ABOVE, ALL_BELOW):
+                here_found, touching = 0, False
+            elif change_once(signs):
+                s, rising = c[0] / (c[0] - c[6]), c[6] > 0.0
+                roots[0] = zero_between(
+                    c[0], c[1], c[2], c[3], c[4], c[5], c[6], 0.0, s, 1.0, rising, ENOUGH * tolerance
+                )
+                here_found, touching = 1, False
+            else:
+                here_found, touching = zeros(c, tolerance, touching, parts, roots)
             for i in range(min(here_found, len(roots))):
                 s = roots[i]
                 if kept == WHOLE or (kept & quarter(a0 + s * (a1 - a0), b0 + s * (b1 - b0))) != 0:
-                    if count < len(t):
-                        t[count] = near + (here + s * (leave - here))
+                    if count < slots:
+                        t[line, count] = near + (here + s * (leave - here))
                     count += 1
                 elif i == here_found - 1:
                     touching = False  # it was not counted, so the next cell may
-            if count and len(t) == 1:
+            if count and slots == 1:
                 return count
         if leave >= end:
             return count

@@ -116,7 +116,7 @@ class SafeSpline(HeightSpline):
         """Find where rays meet the trimmed surface.
 
         Along a ray the height of a cell is a polynomial of degree six. Its zeros are found in Bernstein form by
-        cutting it into monotone parts, and a safeguarded Newton's method; places where a ray only touches the
+        cutting it into monotone parts, and a safeguarded Halley's method; places where a ray only touches the
         surface are included, once each.
 
         Parameters
