@@ -21,7 +21,8 @@ from surfel.rendering.lists import Lists
 from surfel.rendering.places import Places
 from surfel.rendering.placing import PIXEL, View
 from surfel.rendering.projection import depth_of, height_over, normal_of, projected
-from surfel.rendering.raster import BLEND, FAR
+from surfel.rendering.raster import BLEND
+from surfel.rendering.records import FAR
 from surfel.rendering.tiles import ALIKE, THIN
 
 MOST = 6

@@ -18,7 +18,26 @@ from surfel.rendering.fragments import Fragments
 from surfel.rendering.memory import room
 from surfel.rendering.places import STRIDE, Places, all_listed, chosen, listed, touched
 from surfel.rendering.placing import PIXEL, TILE, Placed, View
-from surfel.rendering.projection import depth_of, felt, fragment, in_pixels, normal_of, projected, shaped
+from surfel.rendering.projection import depth_of, fragment, in_pixels, shaped
+from surfel.rendering.records import (
+    AT_COLUMN,
+    AT_ROW,
+    BEND,
+    CUT,
+    CUT_OFF,
+    CUT_X,
+    CUT_Y,
+    CUT_Z,
+    DEPTH,
+    INVERSE,
+    NX,
+    NY,
+    NZ,
+    RADIUS,
+    ROWS,
+    SIZE,
+    recorded,
+)  # fmt: skip
 from surfel.rendering.tiles import (
     ABOVE,
     ALIKE,
@@ -50,9 +69,6 @@ from surfel.rendering.tiles import (
 
 BLEND = np.float32(0.5)
 """Fragments within this share of their radius behind the nearest one are of its sheet."""
-
-FAR = np.float32(1e30)
-"""How far the plane of a cut may be off where nothing is known: smaller disks are drawn beyond their rims."""
 
 LEAST = np.float32(1e-6)
 
@@ -103,17 +119,16 @@ def _draw(
     when what is nearest is known. A disk is cut by eight lines of sight at once. Numbers of disks are kept as floats.
     """
     box, starts, entries = placed.box, placed.starts, placed.entries
-    points, normals, radii, bends, colors = disks.points, disks.normals, disks.radii, disks.bends, disks.colors
+    points, radii, colors = disks.points, disks.radii, disks.colors
     flags, leaf, clips, planes, own, row = disks.flags, disks.leaf, disks.clips, disks.planes, disks.axes, disks.row
     cuts = disks.cuts
-    slope, middle, size, cx, cy, width, height = (
-        view.slope, view.depth, view.size, view.cx, view.cy, view.width, view.height
-    )  # fmt: skip
+    slope, cx, cy, width, height = view.slope, view.cx, view.cy, view.width, view.height
     across, special = -(-width // TILE), CLIPPED | ELLIPTIC
     grid, known_cuts = np.empty(PLANES * most, np.float32), len(cuts) > 0
     begins, sums = np.empty(TILE * (TILE + 1), np.int32), np.zeros((TILE + 1) * (TILE + 1), np.int32)
     lines, xs, ys = np.empty(most, np.int64), np.zeros(most, np.float32), np.zeros(most, np.float32)
-    record, window = np.empty((fullest, 16), np.float32), np.empty(4, np.int64)
+    record, who = np.zeros((ROWS, fullest + LANES), np.float32), np.empty(fullest + LANES, np.int32)
+    runs, window = np.empty((most_sheets, 2), np.int64), np.empty(4, np.int64)
     bounds, order = np.empty(most_sheets + 1, np.int64), np.empty(most_sheets, np.int64)
     near, wanted = np.empty(most_sheets, np.float32), np.empty(most_sheets, np.bool_)
     for t in range(first, last):
@@ -139,47 +154,29 @@ def _draw(
         plane = np.uint64(count + LANES)
         emptied(grid, plane, order[0])
         from_depth = depth_of(np.uint64(entries[begin]), leaf[entries[begin]], points, motions)
-        farthest, low_x, high_x, low_y, high_y = _INF, 0, 0, 0, 0
+        farthest, found, low_x, high_x, low_y, high_y = _INF, 0, 0, 0, 0, 0
         for step in range(2 * sheets):  # each sheet, the nearest first; then those again that were guessed wrong
             again, n = step >= sheets, order[step % sheets]
             if again and not wanted[n]:
                 continue
-            for entry in range(bounds[n], bounds[n + 1]):
-                i, k = np.uint64(entries[entry]), entry - begin
-                m, r = leaf[i], radii[i]
-                if not again:
-                    record[k, 8] = -_ONE
-                    ez = depth_of(i, m, points, motions)
-                    if step > 0 and ez - r > farthest:
-                        continue
-                elif record[k, 8] < _ZERO:
-                    continue
-                x0, x1, y0, y1, held = touched(i, box, reach, left, right, top, bottom, sums)
-                if held == 0:
-                    continue
+            if not again:
+                runs[n, 0] = found
+                found = recorded(
+                    found, bounds[n], bounds[n + 1], farthest, whole, reach, left, right, top, bottom, entries, disks,
+                    box, sums, motions, leaf[entries[bounds[n]]], view, who, record,
+                )  # fmt: skip
+                runs[n, 1] = found
+            for k in range(np.uint64(runs[n, 0]), np.uint64(runs[n, 1])):
+                i = np.uint64(who[k])
+                x0, x1, y0, y1, _ = touched(i, box, reach, left, right, top, bottom, sums)
                 if again:
                     x0, x1 = max(x0, np.uint64(low_x)), min(x1, np.uint64(high_x))
                     y0, y1 = max(y0, np.uint64(low_y)), min(y1, np.uint64(high_y))
                     if x0 >= x1:
                         continue
-                else:
-                    nx, ny, nz = normal_of(i, m, normals, motions)
-                    sx, sy, pixel, cosine = projected(
-                        i, m, ez, nx, ny, nz, points, motions, slope, middle, size, cx, cy
-                    )
-                    record[k, 0], record[k, 1], record[k, 2], record[k, 3] = sx, sy, pixel, ez
-                    record[k, 4], record[k, 5], record[k, 6] = nx, ny, nz
-                    record[k, 7], record[k, 8], record[k, 9] = _ONE / (r * r), r, cosine
-                    record[k, 10] = felt(bends[i], r, cosine, pixel, slope)
-                    if flags[i] & EDGE and known_cuts:
-                        a, b, c = cuts[i, 0], cuts[i, 1], cuts[i, 2]
-                        record[k, 11] = motions[m, 0, 0] * a + motions[m, 0, 1] * b + motions[m, 0, 2] * c
-                        record[k, 12] = motions[m, 1, 0] * a + motions[m, 1, 1] * b + motions[m, 1, 2] * c
-                        record[k, 13] = motions[m, 2, 0] * a + motions[m, 2, 1] * b + motions[m, 2, 2] * c
-                        record[k, 14] = cuts[i, 3]
-                        record[k, 15] = cuts[i, 4] if r >= PIXEL * pixel else FAR
-                sx, sy, pixel, ez = record[k, 0], record[k, 1], record[k, 2], record[k, 3]
-                nx, ny, nz, inverse, bend = record[k, 4], record[k, 5], record[k, 6], record[k, 7], record[k, 10]
+                sx, sy, pixel, ez = record[AT_COLUMN, k], record[AT_ROW, k], record[SIZE, k], record[DEPTH, k]
+                nx, ny, nz = record[NX, k], record[NY, k], record[NZ, k]
+                inverse, bend, r = record[INVERSE, k], record[BEND, k], record[RADIUS, k]
                 mark, gate, small = flags[i], BLEND * r, r < PIXEL * pixel
                 mine, me = np.float32(n), np.float32(min(k, _EXACT))
                 slack = -_INF if mark & CREASE else gate  # what is creased asks for the normal of what is nearest
@@ -258,22 +255,21 @@ def _draw(
                         if mark & EDGE:
                             add_fours(grid, plane * DOUBT + at, plane * DOUBT + beside, weight)
                             if known_cuts:
-                                rise = record[k, 11] * qx + record[k, 12] * qy + record[k, 13] * qz + record[k, 14]
+                                cut_x, cut_y, cut_z = record[CUT_X, k], record[CUT_Y, k], record[CUT_Z, k]
+                                rise = cut_x * qx + cut_y * qy + cut_z * qz + record[CUT, k]
                                 rise = weight * pick(hit, rise, _ZERO)
                                 add_fours(grid, plane * ABOVE + at, plane * ABOVE + beside, rise)
-                                add_fours(grid, plane * OFF + at, plane * OFF + beside, weight * record[k, 15])
+                                add_fours(grid, plane * OFF + at, plane * OFF + beside, weight * record[CUT_OFF, k])
             if step < sheets - 1:
                 farthest = -_INF
                 for k in range(np.uint64(count)):
                     farthest = max(farthest, grid[k])
             elif step == sheets - 1:
-                wrongly_guessed(
-                    grid, plane, count, order[0], sheets, begin, entries, flags, record, xs, ys, wanted, window
-                )
+                wrongly_guessed(grid, plane, count, order[0], sheets, who, flags, record, xs, ys, wanted, window)
                 low_x, high_x = max(window[0] - left, 0), max(window[1] - left + 1, 0)
                 low_y, high_y = max(window[2] - top, 0) * (TILE + 1), max(window[3] - top + 1, 0) * (TILE + 1)
         divided(grid, plane, count, from_depth)
         written(
-            grid, plane, count, begin, entries, record, lines, flags, leaf, row, colors, known_cuts, depth, normal,
+            grid, plane, count, who, record, lines, flags, leaf, row, colors, known_cuts, depth, normal,
             color, out_leaf, out_row, state,
         )  # fmt: skip

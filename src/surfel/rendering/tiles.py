@@ -12,6 +12,7 @@ from surfel._numba import inlined
 from surfel.rendering.disks import CREASE, PAINTED
 from surfel.rendering.eights import LANES, load, pick, root, store
 from surfel.rendering.projection import depth_of
+from surfel.rendering.records import COSINE, NX, NY, NZ
 
 THIN = np.float32(0.8)
 """Sheets with less weight than this, where they are seen from their edge, are rims of disks that stick out."""
@@ -43,17 +44,21 @@ _ZERO, _HALF, _ONE, _TWO, _INF = (np.float32(v) for v in (0.0, 0.5, 1.0, 2.0, np
 @inlined
 def sheets_of(begin, turn, end, entries, leaf, points, radii, motions, bounds, near, order):
     """List the sheets of a tile as runs of its entries, and which comes first; return how many there are."""
-    sheets, former = 0, -1
-    for entry in range(begin, end):
-        i = np.uint64(entries[entry])
-        m = leaf[i]
-        if m != former or entry == turn:
-            bounds[sheets], near[sheets] = entry, _INF
-            sheets += 1
-            former = m
-        elif entry % _EVERY != 0:
-            continue
-        near[sheets - 1] = min(near[sheets - 1], depth_of(i, m, points, motions) - radii[i])
+    sheets, at = 0, begin
+    while at < end:
+        stop, m = turn if at < turn else end, leaf[entries[at]]
+        if leaf[entries[stop - 1]] != m:  # leaves ascend on either side
+            last = at
+            while stop - last > 1:
+                half = (last + stop) // 2
+                last, stop = (half, stop) if leaf[entries[half]] == m else (last, half)
+        nearest, entry = _INF, at
+        while entry < stop:
+            i = np.uint64(entries[entry])
+            nearest = min(nearest, depth_of(i, m, points, motions) - radii[i])
+            entry += _EVERY - entry % _EVERY
+        bounds[sheets], near[sheets] = at, nearest
+        sheets, at = sheets + 1, stop
     bounds[sheets] = end
     for k in range(sheets):
         j = k
@@ -75,7 +80,7 @@ def emptied(grid, plane, sheet):
 
 
 @inlined
-def wrongly_guessed(grid, plane, count, sheet, sheets, begin, entries, flags, record, xs, ys, wanted, window):
+def wrongly_guessed(grid, plane, count, sheet, sheets, who, flags, record, xs, ys, wanted, window):
     """Find where the first sheet is hidden or lies over itself, and prepare that to be blended once more.
 
     ``wanted`` tells of which sheets, ``window`` the first and last column and row. What was guessed right is closed.
@@ -90,9 +95,9 @@ def wrongly_guessed(grid, plane, count, sheet, sheets, begin, entries, flags, re
         wanted[np.int64(grid[plane * WHOSE + k])] = True
         for p in range(plane * WEIGHTS + k, plane * ON_X + k, plane):
             grid[p] = _ZERO
-        sharp = flags[entries[begin + np.int64(j)]] & CREASE
-        grid[plane * ON_X + k], grid[plane * ON_Y + k] = record[j, 4], record[j, 5]
-        grid[plane * ON_Z + k], grid[plane * SHARP + k] = record[j, 6], ALIKE if sharp else -_TWO
+        sharp = flags[who[j]] & CREASE
+        grid[plane * ON_X + k], grid[plane * ON_Y + k] = record[NX, j], record[NY, j]
+        grid[plane * ON_Z + k], grid[plane * SHARP + k] = record[NZ, j], ALIKE if sharp else -_TWO
         x, y = np.int64(xs[k] + _HALF), np.int64(ys[k] + _HALF)
         window[0], window[1] = min(window[0], x), max(window[1], x)
         window[2], window[3] = min(window[2], y), max(window[3], y)
@@ -114,16 +119,16 @@ def divided(grid, plane, count, from_depth):
 
 @inlined
 def written(
-    grid, plane, count, begin, entries, record, lines, flags, leaf, row, colors, known_cuts, depth, normal, color,
+    grid, plane, count, who, record, lines, flags, leaf, row, colors, known_cuts, depth, normal, color,
     out_leaf, out_row, state,
 ):  # fmt: skip
     """Write what a tile shows to where it belongs in the picture."""
     for k in range(np.uint64(count)):
-        j = np.int64(grid[plane * BEST + k])
-        if j < 0:
+        if grid[plane * BEST + k] < _ZERO:
             continue
-        i, p, weight = np.uint64(entries[begin + j]), np.uint64(lines[k]), grid[plane * WEIGHTS + k]
-        if weight < THIN * (_ONE - record[j, 9]):
+        j = np.uint64(np.int64(grid[plane * BEST + k]))
+        i, p, weight = np.uint64(who[j]), np.uint64(lines[k]), grid[plane * WEIGHTS + k]
+        if weight < THIN * (_ONE - record[COSINE, j]):
             state[p] = RIM
             continue
         found = SURE
@@ -139,8 +144,8 @@ def written(
             grid[plane * AT_Z + k],
         )
         if sign == _ZERO:  # normals that cancel
-            sign = -_ONE if record[j, 6] > _ZERO else _ONE
-            nx, ny, nz = sign * record[j, 4], sign * record[j, 5], sign * record[j, 6]
+            sign = -_ONE if record[NZ, j] > _ZERO else _ONE
+            nx, ny, nz = sign * record[NX, j], sign * record[NY, j], sign * record[NZ, j]
         normal[p, 0], normal[p, 1], normal[p, 2] = nx, ny, nz
         state[p] = found | TURNED if sign < _ZERO else found
         if flags[i] & PAINTED:
