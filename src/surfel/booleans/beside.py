@@ -62,10 +62,11 @@ class Beside(NamedTuple):
             return self.squares.compress(held, axis=0), self.near.compress(held, axis=0)
         squares, near = nearest_to(self.operand, self.places.compress(wanted, axis=0))
         new = wanted[chosen]
-        every, rows = np.empty((len(new), squares.shape[1])), np.empty((len(new), near.shape[1]), np.int32)
-        every[new], rows[new] = squares, near
-        every[~new], rows[~new] = self.squares[held], self.near[held]
-        return every, rows
+        # numpy takes whole rows many times faster than it writes chosen ones
+        order = np.where(new, np.cumsum(new) - 1, len(near) + np.cumsum(~new) - 1)
+        every = np.concatenate([squares, self.squares.compress(held, axis=0)])
+        rows = np.concatenate([near, self.near.compress(held, axis=0)])
+        return every.take(order, axis=0), rows.take(order, axis=0)
 
 
 def nearest_to(operand: Operand, places: Floats, k: int = NEIGHBOURS) -> Nearest:

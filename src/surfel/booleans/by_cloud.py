@@ -89,14 +89,14 @@ def _meet(
     first, last, points, normals, spacings, squares, near, centres, upright, far, whole, slack, places,
     lines, count, table,
 ):  # fmt: skip
-    sums = np.empty((2, 8))
+    sums, weights = np.empty((2, 8)), np.empty(near.shape[1])
     height, steep, slope, state = np.empty(2), np.empty(2), np.empty((2, 3)), np.empty(2, np.int64)
     for i in range(first, last):
         nx, ny, nz = upright[i, 0], upright[i, 1], upright[i, 2]
         ex, ey, ez, fx, fy, fz = tangent_frame(nx, ny, nz)
         px, py, pz = places[i, 0], places[i, 1], places[i, 2]
         h = spacings[near[i, 0]]
-        value, _ = side_of_sheets(points, normals, px, py, pz, squares[i], near[i], sums)
+        value, _ = side_of_sheets(points, normals, px, py, pz, squares, near, i, sums, weights)
         clusters = 2 if sums[1, 6] > 0.0 else 1
         u0, v0 = (
             dot(px - centres[i, 0], py - centres[i, 1], pz - centres[i, 2], ex, ey, ez),

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import inner, kernel, rows, threads_for
+from surfel._numba import inlined, inner, kernel, rows, threads_for
 from surfel._vec import dot, norm, tangent_frame
 from surfel.core.cast import Floats
 from surfel.inside.operand import Operand
@@ -19,7 +19,7 @@ CORNERS = 16
 
 _ALIKE = 0.5  # neighbours whose normals make a smaller cosine lie on another sheet
 _WIDEST = 1.5  # half the side of the box that a cell is cut out of, in spacings
-
+_BEYOND = 4.0 * (1.0 + 1e-9)  # squared distances to neighbours, over those of corners, from which on none cuts
 
 EDGES = 2
 """Most sharp edges of its own surface that a cell ends at."""
@@ -103,6 +103,7 @@ def _cut_out(first, last, points, normals, chosen, near, half, corners, counts, 
         px[0], py[0], px[1], py[1] = -ax - bx, -ay - by, ax - bx, ay - by
         px[2], py[2], px[3], py[3] = ax + bx, ay + by, bx - ax, by - ay
         count = 4
+        widest = _square_of_farthest(px, py, count)
         for a in range(near.shape[1]):
             j = near[row, a]
             if dot(nx, ny, nz, normals[j, 0], normals[j, 1], normals[j, 2]) < _ALIKE:
@@ -110,6 +111,8 @@ def _cut_out(first, last, points, normals, chosen, near, half, corners, counts, 
             dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
             u, v = dot(dx, dy, dz, ex, ey, ez), dot(dx, dy, dz, fx, fy, fz)
             flat, square = u * u + v * v, dx * dx + dy * dy + dz * dz
+            if square > _BEYOND * widest:
+                break  # half the way to it, and to all after it, lies beyond the corners
             if flat <= 0.1 * square or flat <= 0.0:
                 continue
             scale = math.sqrt(square / flat)
@@ -119,6 +122,7 @@ def _cut_out(first, last, points, normals, chosen, near, half, corners, counts, 
             for c in range(cut):
                 px[c], py[c] = qx[c], qy[c]
             count = cut
+            widest = _square_of_farthest(px, py, count)
         lead = -1
         for e in range(EDGES):
             lead = _edge(points, normals, near, np.int64(row), np.int64(i), lead, np.int64(e), edges)
@@ -135,6 +139,15 @@ def _cut_out(first, last, points, normals, chosen, near, half, corners, counts, 
         for c in range(count):
             corners[row, c, 0], corners[row, c, 1] = px[c], py[c]
         counts[row] = count
+
+
+@inlined
+def _square_of_farthest(px, py, count):
+    """Return the squared distance of the farthest corner of a polygon from the place that it is round."""
+    widest = 0.0
+    for c in range(count):
+        widest = max(widest, px[c] * px[c] + py[c] * py[c])
+    return widest
 
 
 @inner

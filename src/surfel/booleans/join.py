@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +13,7 @@ from surfel.booleans.interpolate import Blend
 from surfel.booleans.kept import Born, Kept
 from surfel.booleans.part import Part
 from surfel.core.cast import Floats, read_only
+from surfel.core.together import together
 from surfel.shapes.clips import Clips
 from surfel.shapes.columns import full_brightness
 from surfel.shapes.surfels import Surfels
@@ -21,12 +21,15 @@ from surfel.shapes.surfels import Surfels
 LEAF = "leaf"
 """The attribute that tells which operand a surfel comes from."""
 
+_HEAVY = 4  # a surfel takes the time of so many of the items that threads are started for
+
 
 def joined(parts: list[Part], kept: list[Kept], solid: bool | None) -> Surfels:
     """Return the result as one cloud, operand after operand."""
     if not parts:
         return Surfels(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), solid=solid)
-    pieces = [_surfels(part, left) for part, left in zip(parts, kept, strict=True)]
+    sizes = [_HEAVY * len(left.rows) for left in kept]
+    pieces = together(lambda k: _surfels(parts[k], kept[k]), range(len(parts)), sizes)
     points = np.concatenate([piece.points for piece in pieces])
     normals = np.concatenate([piece.normals for piece in pieces])
     radii = np.concatenate([piece.radii for piece in pieces])
@@ -93,17 +96,21 @@ def _round_axes(normals: Floats, radii: Floats) -> Floats:
 def _clips(parts: list[Part], kept: list[Kept]) -> Clips:
     """Return the clips of the result: those that surfels had, and those of the cut."""
     every = [_clips_of(part, left) for part, left in zip(parts, kept, strict=True)]
-    total = every[0]
-    for clips in every[1:]:
-        total = total.joined(clips)
-    return total
+    starts = np.cumsum([0, *(len(planes) for _, planes, _ in every)])
+    offsets = [np.zeros(1, np.int64), *(start + one[0][1:] for start, one in zip(starts, every, strict=False))]
+    return Clips._adopted(
+        np.concatenate(offsets),
+        np.concatenate([planes for _, planes, _ in every]),
+        np.concatenate([places for _, _, places in every]),
+        lambda: np.concatenate([_areas_of(part, left) for part, left in zip(parts, kept, strict=True)]),
+    )
 
 
-def _clips_of(part: Part, left: Kept) -> Clips:
+def _clips_of(part: Part, left: Kept) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """Return where the planes of each kept surfel of a part start, the planes, and the places."""
     old = part.cloud.clips
-    areas = _areas_of(part, left.rows, left.shares)
     if old is None:
-        return Clips(left.offsets, left.planes, left.places, areas)
+        return left.offsets, left.planes, left.places
     before = old[part.order[left.rows]]
     stays = np.ones(len(left.rows), bool)
     if left.born is not None:  # what was split off needs no planes: it lies on this side of all of them
@@ -116,12 +123,11 @@ def _clips_of(part: Part, left: Kept) -> Clips:
     owner = np.concatenate([np.repeat(np.arange(len(stays)), counts), which])
     order = np.argsort(owner, kind="stable")
     offsets = np.concatenate([[0], np.cumsum(counts + np.diff(left.offsets))])
-    return Clips(offsets, np.concatenate([before.planes[here], planes])[order], places + left.places, areas)
+    return offsets, np.concatenate([before.planes[here], planes])[order], places + left.places
 
 
-def _areas_of(part: Part, rows: NDArray[np.int64], shares: Floats) -> Callable[[], Floats]:
-    """Return what finds the areas of the kept surfels when they are asked for."""
-    return lambda: part.areas[rows] * shares if len(rows) else np.empty(0)
+def _areas_of(part: Part, left: Kept) -> Floats:
+    return np.asarray(part.areas[left.rows] * left.shares if len(left.rows) else np.empty(0))
 
 
 def _attributes(pieces: list[_Piece]) -> dict[str, NDArray[Any]]:

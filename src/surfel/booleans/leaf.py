@@ -23,9 +23,6 @@ _SAME_PLACE = 1e-6  # in spacings
 class Leaf(ABC):
     """What other surfels may be inside of."""
 
-    box: Floats
-    """What it lies in, shape (2, 3)."""
-
     @abstractmethod
     def judge(self, part: Part) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
         """Return the sides of every surfel of a part, and which may be cut at all, ascending."""
@@ -52,7 +49,6 @@ class CloudLeaf(Leaf):
 
     def __init__(self, cloud: Surfels, judge: str) -> None:
         self.cloud = cloud
-        self.box = cloud.bounds
         self._judge = cloud.judge or judge
         self._around: dict[int, Nearest] = {}
 

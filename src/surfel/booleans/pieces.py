@@ -94,13 +94,16 @@ def _part(
         np.zeros(levels + 1, np.int64),
     )
     written = 0
+    turned = np.empty((_SIDES, 2))
+    for s in range(_SIDES):
+        turn = 2.0 * math.pi * s / _SIDES
+        turned[s, 0], turned[s, 1] = _ROUND * math.cos(turn), _ROUND * math.sin(turn)
     for row in range(len(disks)):
         ax, ay, bx, by = disks[row, 0, 0], disks[row, 0, 1], disks[row, 1, 0], disks[row, 1, 1]
         if ax * by < ay * bx:
             bx, by = -bx, -by
         for s in range(_SIDES):
-            turn = 2.0 * math.pi * s / _SIDES
-            a, b = _ROUND * math.cos(turn), _ROUND * math.sin(turn)
+            a, b = turned[s, 0], turned[s, 1]
             dx[0, s], dy[0, s] = a * ax + b * bx, a * ay + b * by
         nd[0] = _SIDES
         for c in range(counts[row]):

@@ -48,9 +48,10 @@ class SheetSurface:
 
 @rows
 def _over(first, last, points, normals, places, squares, near, height, normal):
-    sums = np.empty((2, 8))
+    sums, weights = np.empty((2, 8)), np.empty(near.shape[1])
     for i in range(first, last):
-        value, _ = side_of_sheets(points, normals, places[i, 0], places[i, 1], places[i, 2], squares[i], near[i], sums)
+        x, y, z = places[i, 0], places[i, 1], places[i, 2]
+        value, _ = side_of_sheets(points, normals, x, y, z, squares, near, i, sums, weights)
         best = -1
         least = 0.0
         for c in range(2 if sums[1, 6] > 0.0 else 1):

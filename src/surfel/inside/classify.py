@@ -22,7 +22,6 @@ from surfel.inside.settle import UNDECIDED
 from surfel.inside.sheets import OverSheets
 from surfel.inside.sift import sift
 from surfel.inside.slabs import Slabs
-from surfel.inside.space import border_radii
 
 _MARGIN = 0.25  # spacings that slabs keep from the surfels; more than makes a place be on the surface
 
@@ -90,11 +89,7 @@ class Classifier:
         self.leaky = False if coloured is None else coloured.leaky
         if coloured is not None and self._slabbed:
             here = coloured.operand
-            self._slabs = Slabs.of(coloured.owners, here.points, here.normals, self._radii(), self._margin())
-
-    def _radii(self) -> Floats:
-        assert self._coloured is not None
-        return border_radii(self.operand, self._coloured.grid.step)
+            self._slabs = Slabs.of(coloured.owners, here.points, here.normals, coloured.radii, self._margin())
 
     def _margin(self) -> float:
         return _MARGIN * self.operand.spacing
@@ -211,8 +206,9 @@ class Classifier:
         other._take(operand, patch.coloured)
         other._slabbed, other.recoloured = self._slabbed, len(patch.place)
         if self._slabbed:
+            owners, radii = patch.coloured.owners, patch.coloured.radii
             other._slabs = self._slabs.with_cells(
-                patch.coloured.owners, patch.held, operand.points, operand.normals, other._radii(), other._margin()
+                owners, patch.held, operand.points, operand.normals, radii, other._margin()
             )
         return other
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel._numba import inlined, kernel, rows, threads_for
-from surfel.core.cast import Booleans
+from surfel.core.cast import Booleans, Floats
 from surfel.inside.border import Bricks
 from surfel.inside.components import Components
 from surfel.inside.grid import ALL_IN, ALL_OUT, BORDER, IN, Frame, Grid
@@ -43,6 +43,8 @@ class Coloured(NamedTuple):
         Whether inside and outside hang together through a hole, so that films had to part them, or nothing did.
     doubt : NDArray[np.uint64], shape (bricks, 8), or None
         Bits of border cells that no surfel is near but the level of the winding number; None where there are none.
+    radii : Floats, shape (n,)
+        Of the disks that make the border.
     """
 
     grid: Grid
@@ -52,6 +54,7 @@ class Coloured(NamedTuple):
     conflict: float
     leaky: bool
     doubt: NDArray[np.uint64] | None
+    radii: Floats
 
 
 def colour_space(operand: Operand) -> Coloured:
@@ -69,7 +72,7 @@ def colour_space(operand: Operand) -> Coloured:
     grid = paint(space.frame, space.bricks, space.parts, hinted(space, films, ballot.colours))
     doubt = films.doubt if films.number else None
     leaky = doubt is not None or bool(ballot.leaky.any())
-    return Coloured(grid, space.owners, operand, flipped, ballot.conflict, leaky, doubt)
+    return Coloured(grid, space.owners, operand, flipped, ballot.conflict, leaky, doubt, space.radii)
 
 
 def _settled(space: Space, operand: Operand) -> tuple[Space, Films, Ballot, Booleans]:

@@ -81,7 +81,7 @@ def recolour(coloured: Coloured, operand: Operand, edited: NDArray[np.int64]) ->
     place = place[~(whole_out | whole_in)]
     all_border, all_inside = np.concatenate([grid.border, words]), np.concatenate([grid.inside, inside])
     new_grid = Grid(grid.low, grid.step, new_table, all_border, all_inside, clearance(new_table))
-    return Patch(coloured._replace(grid=new_grid, owners=owners, operand=operand), place, held)
+    return Patch(coloured._replace(grid=new_grid, owners=owners, operand=operand, radii=radii), place, held)
 
 
 def _with_room(grid: Grid, places: Floats) -> Grid | None:

@@ -135,33 +135,38 @@ def _judge(first, last, points, normals, places, squares, near, value, certain):
             value[i] = 0.5 * (height - dot(mx, my, mz, px, py, pz) / norm(mx, my, mz)) / total
             certain[i] = True
         else:
-            value[i], certain[i] = side_of_sheets(points, normals, x, y, z, squares[i], near[i], sums)
+            value[i], certain[i] = side_of_sheets(points, normals, x, y, z, squares, near, i, sums, weights)
 
 
 @inner
-def side_of_sheets(points, normals, x, y, z, squares, near, sums):
+def side_of_sheets(points, normals, x, y, z, squares, near, i, sums, weights):
     """Return the distance of a place over what its nearest surfels bound, and whether the sheets agree.
 
-    ``sums``, scratch of shape (2, 8): normal, middle of the surfels seen from the place, weight, sum of distances.
+    Row i of ``squares`` and ``near`` tells these surfels. ``sums``, scratch of shape (2, 8): normal, middle of the
+    surfels seen from the place, weight, sum of distances; ``weights``, scratch of shape (k,).
     """
-    k = len(near)
-    lead = near[0]
+    k = near.shape[1]
+    lead = near[i, 0]
     lx, ly, lz = normals[lead, 0], normals[lead, 1], normals[lead, 2]
     other, least = lead, 2.0
+    nearest = squares[i, 0]
+    inverse = 1.0 / (WIDTH * squares[i, k - 1]) if squares[i, k - 1] > 0.0 else 0.0
     for a in range(k):
-        j = near[a]
+        weights[a] = falloff((squares[i, a] - nearest) * inverse)
+    for a in range(k):
+        j = near[i, a]
         cosine = dot(lx, ly, lz, normals[j, 0], normals[j, 1], normals[j, 2])
         if cosine < least:
             least, other = cosine, j
     ox, oy, oz = normals[other, 0], normals[other, 1], normals[other, 2]
-    one = least > ALIKE or (least > ROUND and _bends(points, normals, near, lead, other))
-    inverse = 1.0 / (WIDTH * squares[k - 1]) if squares[k - 1] > 0.0 else 0.0
+    if least > ALIKE or (least > ROUND and _bends(points, normals, near, i, lead, other)):
+        return _over_one_sheet(points, normals, x, y, z, near, i, sums, weights), True
     sums[:, :] = 0.0
     for a in range(k):
-        j = near[a]
+        j = near[i, a]
         nx, ny, nz = normals[j, 0], normals[j, 1], normals[j, 2]
-        c = 0 if one or dot(nx, ny, nz, lx, ly, lz) >= dot(nx, ny, nz, ox, oy, oz) else 1
-        weight = falloff((squares[a] - squares[0]) * inverse)
+        c = 0 if dot(nx, ny, nz, lx, ly, lz) >= dot(nx, ny, nz, ox, oy, oz) else 1
+        weight = weights[a]
         dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
         sums[c, 0] += weight * nx
         sums[c, 1] += weight * ny
@@ -172,16 +177,32 @@ def side_of_sheets(points, normals, x, y, z, squares, near, sums):
         sums[c, 6] += weight
         sums[c, 7] -= weight * dot(nx, ny, nz, dx, dy, dz)
     first = _over_sheet(sums, 0)
-    if one:
-        bend = _bend_below(points, normals, x, y, z, squares, near, inverse, sums)
-        sums[0, 7] += 2.0 * bend * sums[0, 6]
-        return first + bend, True
     second = _over_sheet(sums, 1)
     convex = 0.0
     for t in range(3):
         convex += (sums[1, t] - sums[0, t]) * (sums[1, 3 + t] - sums[0, 3 + t])
     decided = max(first, second) if convex > 0.0 else min(first, second)
     return decided, (first < 0.0) == (second < 0.0)
+
+
+@inner
+def _over_one_sheet(points, normals, x, y, z, near, i, sums, weights):
+    """Return the distance of a place over all its nearest surfels as one sheet; add these up in scalars."""
+    mx = my = mz = px = py = pz = total = height = 0.0
+    for a in range(near.shape[1]):
+        j, weight = near[i, a], weights[a]
+        nx, ny, nz = normals[j, 0], normals[j, 1], normals[j, 2]
+        dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
+        mx, my, mz = mx + weight * nx, my + weight * ny, mz + weight * nz
+        px, py, pz = px + weight * dx, py + weight * dy, pz + weight * dz
+        total += weight
+        height -= weight * dot(nx, ny, nz, dx, dy, dz)
+    sums[0, 0], sums[0, 1], sums[0, 2], sums[0, 3], sums[0, 4], sums[0, 5] = mx, my, mz, px, py, pz
+    sums[0, 6], sums[0, 7], sums[1, 6] = total, height, 0.0
+    first = _over_sheet(sums, 0)
+    bend = _bend_below(points, normals, x, y, z, near, i, sums, weights)
+    sums[0, 7] += 2.0 * bend * sums[0, 6]
+    return first + bend
 
 
 @inner
@@ -198,7 +219,7 @@ def _over_sheet(sums, c):
 
 
 @inner
-def _bends(points, normals, near, lead, other):
+def _bends(points, normals, near, i, lead, other):
     """Tell whether the steps to all surfels from two of them lie on arcs of circles, as on a sheet that bends.
 
     At an edge steps between surfels that are not equally far from it lie off by the difference, times the sine.
@@ -206,8 +227,8 @@ def _bends(points, normals, near, lead, other):
     for one in (lead, other):
         px, py, pz = points[one, 0], points[one, 1], points[one, 2]
         nx, ny, nz = normals[one, 0], normals[one, 1], normals[one, 2]
-        for a in range(len(near)):
-            j = near[a]
+        for a in range(near.shape[1]):
+            j = near[i, a]
             mx, my, mz = normals[j, 0], normals[j, 1], normals[j, 2]
             dx, dy, dz = points[j, 0] - px, points[j, 1] - py, points[j, 2] - pz
             off = dot(dx, dy, dz, nx + mx, ny + my, nz + mz)
@@ -219,7 +240,7 @@ def _bends(points, normals, near, lead, other):
 
 
 @inner
-def _bend_below(points, normals, x, y, z, squares, near, inverse, sums):
+def _bend_below(points, normals, x, y, z, near, i, sums, weights):
     """Return how far a sheet lies below its mean height where the middle of its surfels is not below the place.
 
     With the offset t of the place from the middle, along the sheet, that is k t^2 / 2; how the normals turn along t
@@ -228,10 +249,10 @@ def _bend_below(points, normals, x, y, z, squares, near, inverse, sums):
     up = dot(sums[0, 0], sums[0, 1], sums[0, 2], sums[0, 3], sums[0, 4], sums[0, 5])
     tx, ty, tz = up * sums[0, 0] - sums[0, 3], up * sums[0, 1] - sums[0, 4], up * sums[0, 2] - sums[0, 5]
     turns = steps = 0.0
-    for a in range(len(near)):
-        j = near[a]
-        weight = falloff((squares[a] - squares[0]) * inverse)
-        dx, dy, dz = points[j, 0] - x - sums[0, 3], points[j, 1] - y - sums[0, 4], points[j, 2] - z - sums[0, 5]
+    mx, my, mz = sums[0, 3], sums[0, 4], sums[0, 5]
+    for a in range(near.shape[1]):
+        j, weight = near[i, a], weights[a]
+        dx, dy, dz = points[j, 0] - x - mx, points[j, 1] - y - my, points[j, 2] - z - mz
         step = dot(dx, dy, dz, tx, ty, tz)
         turns += weight * step * dot(normals[j, 0], normals[j, 1], normals[j, 2], tx, ty, tz)
         steps += weight * step * step

@@ -23,14 +23,16 @@ class Space(NamedTuple):
     bricks: Bricks
     parts: Components
     owners: Owners
+    radii: Floats
 
 
 def space_round(operand: Operand) -> Space:
     """Mark the border of a cloud of at least one surfel, and connect what is free."""
     frame = frame_for(operand.bounds, operand.spacings)
-    bricks = mark_border(frame, operand.points, operand.normals, border_radii(operand, frame.step))
+    radii = border_radii(operand, frame.step)
+    bricks = mark_border(frame, operand.points, operand.normals, radii)
     parts = connect(bricks.table, bricks.border)
-    return Space(frame, bricks, parts, own_cells(frame, bricks, operand.points, operand.normals))
+    return Space(frame, bricks, parts, own_cells(frame, bricks, operand.points, operand.normals), radii)
 
 
 def border_radii(operand: Operand, step: float) -> Floats:
@@ -48,7 +50,7 @@ def with_border(space: Space, cells: NDArray[np.int32]) -> Space:
     set_bits(cells, table, border)
     base = np.concatenate([space.owners.base, np.zeros((added, 8), np.int32)])
     owners = space.owners._replace(base=base, owned=owned)
-    return Space(space.frame, Bricks(table, border, owned), connect(table, border), owners)
+    return Space(space.frame, Bricks(table, border, owned), connect(table, border), owners, space.radii)
 
 
 def with_numbers(table: NDArray[np.int32], cells: NDArray[np.int32]) -> tuple[NDArray[np.int32], int]:

@@ -62,6 +62,14 @@ class Clips:
         self._lock = threading.RLock()
         self._areas: Areas | None = areas if areas is None or callable(areas) else self._checked(areas)
 
+    @classmethod
+    def _adopted(cls, offsets: NDArray[np.int64], planes: Floats, places: Floats, areas: Areas | None) -> Clips:
+        """Take arrays that nobody else holds, of the right shapes, without a copy."""
+        clips = object.__new__(cls)
+        clips.offsets, clips.planes, clips.places = read_only(offsets), read_only(planes), read_only(places)
+        clips._lock, clips._areas = threading.RLock(), areas
+        return clips
+
     def _checked(self, areas: ArrayLike) -> Floats:
         found = as_rows(np.reshape(np.asarray(areas), (-1, 1)), "areas", len(self), 1)[:, 0]
         return read_only(np.array(found))

@@ -156,7 +156,7 @@ def _white_part(small: Floats, large: Floats) -> float:
     """Return the level of white noise that both residuals share, the second smallest over the quantiles."""
     growth = 3.0**1.5
     small, large = np.minimum(small, _HUGE), np.minimum(large, _HUGE)
-    low, high = np.quantile(small**2, QUANTILES), np.quantile(large**2, QUANTILES)
+    low, high = np.quantile(np.stack([small, large]) ** 2, QUANTILES, axis=1).T
     levels = np.sqrt(np.maximum(0.0, (growth * low - high) / (growth - 1.0))) / QUANTILES_OF_WHITE_NOISE
     return float(np.sort(levels)[1])
 
