@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import surfel
-from surfel.rendering.memory import _LARGE, room
+from surfel.rendering.memory import _HUGE, _LARGE, room
 
 
 def address(array: np.ndarray) -> int:
@@ -33,8 +33,9 @@ def test_room_is_used_again_when_the_last_view_is_gone(shape, dtype):
     assert address(room(shape, dtype)) == where
 
 
-def test_small_arrays_are_numpys_own():
+def test_small_and_huge_arrays_are_numpys_own():
     assert room((3, 4), np.int32).base is None
+    assert room(_HUGE + 1, np.uint8).base is None
 
 
 def test_a_picture_stays_as_it_is_while_others_come_and_go():

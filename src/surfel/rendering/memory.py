@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-_LARGE = 1 << 19  # bytes: smaller arrays are given out by numpy, which keeps them itself
+_LARGE, _HUGE = 1 << 19, 1 << 26  # bytes: smaller arrays numpy keeps itself, and larger ones are not to be kept at all
 _KEPT = 3  # pieces of a size
 _SIZES = 12
 
@@ -25,7 +25,7 @@ _free: dict[int, deque[NDArray[np.uint8]]] = {}
 def room(shape: int | tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     """Return an array that holds anything; its memory is used again when the last view of it is gone."""
     size = math.prod(shape if isinstance(shape, tuple) else (shape,)) * np.dtype(dtype).itemsize
-    if size < _LARGE:
+    if not _LARGE <= size <= _HUGE:
         return np.empty(shape, dtype)
     try:
         block = _free[size].pop()
