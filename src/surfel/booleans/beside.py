@@ -61,6 +61,8 @@ class Beside(NamedTuple):
         if not wanted.any():
             return self.squares.compress(held, axis=0), self.near.compress(held, axis=0)
         squares, near = nearest_to(self.operand, self.places.compress(wanted, axis=0))
+        if not held.any():
+            return squares, near
         new = wanted[chosen]
         # numpy takes whole rows many times faster than it writes chosen ones
         order = np.where(new, np.cumsum(new) - 1, len(near) + np.cumsum(~new) - 1)
