@@ -40,7 +40,7 @@ class Beside(NamedTuple):
     def of(cls, operand: Operand, places: Floats, known: NDArray[np.int64], found: OverSheets | None) -> Beside:
         """Return places of which a judge has looked at some, where it has found their neighbours."""
         if found is None:
-            return cls(operand, places, known[:0], np.empty((0, 1)), np.empty((0, 1), np.int32))
+            return cls(operand, places, known[:0], np.empty((0, NEIGHBOURS)), np.empty((0, NEIGHBOURS), np.int32))
         return cls(operand, places, known, found.squares, found.near)
 
     def nearest(self) -> tuple[Floats, NDArray[np.int32]]:
