@@ -13,7 +13,7 @@ from surfel.bounding.energy import Tether, bending_times, energy
 from surfel.bounding.evaluate import values
 from surfel.bounding.frame import rotation_onto
 from surfel.bounding.interior import Walk
-from surfel.bounding.iterated import conjugate_gradients, start_coarse, upper_by_steps
+from surfel.bounding.iterated import Steps, start_coarse, upper_by_steps
 from surfel.bounding.normal import unknowns_of
 from surfel.bounding.passes import survey
 from surfel.bounding.products import Products
@@ -100,7 +100,7 @@ def test_steps_come_as_close_as_factors(shape, boundary):
     start = start_coarse(uv, z, unknowns, boundary, 1e-9)
     plain = start_coarse(uv, hilly(uv, size), unknowns, boundary, 1e-9)
     assert np.abs(values(unknowns.spread(plain), uv) - hilly(uv, size)).max() < (0.02 if boundary == "open" else 0.2)
-    x = conjugate_gradients(rows, z, weight, Products.of(unknowns), start, 1e-9)
+    x = Steps.of(uv, z, unknowns, 1e-9).from_(start, weight)
     reached, best = ((v - z) @ (v - z) for v in (rows.times(x), exact))
     assert best <= reached <= 1.05 * best
 

@@ -10,7 +10,7 @@ from scipy.interpolate import BSpline
 
 import surfel
 from surfel.bounding import broken_line_surrogate, lower_at, lower_broken_line, scattered_surrogate, trial_and_error
-from surfel.bounding.broken_line import _contract
+from surfel.bounding.broken_lines import LINES, contract
 from surfel.bounding.enclosure import extended
 
 BOUNDARIES = ["open", "clamped"]
@@ -65,14 +65,19 @@ def test_one_datum_makes_a_constant_and_none_a_zero():
 
 @pytest.mark.parametrize("boundary", BOUNDARIES)
 def test_the_contraction_reaches_the_same_solution(boundary):
+    def contracted(line, free):
+        side_by_side = (np.repeat(np.asarray(a, float)[:, None], LINES, axis=1) for a in (line, free))
+        b = np.empty((len(line), LINES))
+        contract(*side_by_side, boundary == "open", b, 3)
+        return b[:, 3]
+
     rng = np.random.default_rng(2)
     for _ in range(40):
-        line, b = rng.standard_normal(15), np.empty(15)
-        _contract(line, np.zeros(15, bool), boundary == "open", b, np.empty(15))
+        line = rng.standard_normal(15)
+        b = contracted(line, np.zeros(15))
         assert np.abs(b - broken_line_surrogate(line, None, boundary).b).max() < 1e-12
     free = np.array([True, False, True, True, False])
-    b = np.empty(5)
-    _contract(np.array([9.0, 1.0, 9.0, 9.0, 4.0]), free, boundary == "open", b, np.empty(5))
+    b = contracted(np.array([9.0, 1.0, 9.0, 9.0, 4.0]), free)
     assert b.max() < 5.0 and (lower_broken_line(b, boundary)[~free] >= [1.0 - 1e-12, 4.0 - 1e-12]).all()
 
 

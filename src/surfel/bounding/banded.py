@@ -19,29 +19,32 @@ def solve_banded(a, right):
     for i in range(n):
         for c in range(COLUMNS):
             largest = max(largest, abs(a[i, c]))
-    for k in range(n):
+    for k in range(n):  # what lies beyond the last column is zero, and is carried along
         best = k
         for i in range(k + 1, min(n, k + 3)):
             if abs(a[i, k - i + 2]) > abs(a[best, k - best + 2]):
                 best = i
         if best != k:
-            for c in range(k, min(n, k + 5)):
-                here, there = a[k, c - k + 2], a[best, c - best + 2]
-                a[k, c - k + 2], a[best, c - best + 2] = there, here
+            shift = k - best + 2
+            for c in range(5):
+                a[k, c + 2], a[best, c + shift] = a[best, c + shift], a[k, c + 2]
             right[k], right[best] = right[best], right[k]
         pivot = a[k, 2]
         least = min(least, abs(pivot))
         if not abs(pivot) > 1e-13 * largest:
             return 0.0
-        for i in range(k + 1, min(n, k + 3)):
-            factor = a[i, k - i + 2] / pivot
-            if factor != 0.0:
-                for c in range(k, min(n, k + 5)):
-                    a[i, c - i + 2] -= factor * a[k, c - k + 2]
-                right[i] -= factor * right[k]
+        if k + 1 < n and a[k + 1, 1] != 0.0:
+            factor = a[k + 1, 1] / pivot
+            for c in range(5):
+                a[k + 1, c + 1] -= factor * a[k, c + 2]
+            right[k + 1] -= factor * right[k]
+        if k + 2 < n and a[k + 2, 0] != 0.0:
+            factor = a[k + 2, 0] / pivot
+            for c in range(5):
+                a[k + 2, c] -= factor * a[k, c + 2]
+            right[k + 2] -= factor * right[k]
+    x1 = x2 = x3 = x4 = 0.0
     for k in range(n - 1, -1, -1):
-        total = right[k]
-        for c in range(k + 1, min(n, k + 5)):
-            total -= a[k, c - k + 2] * right[c]
-        right[k] = total / a[k, 2]
+        x = ((((right[k] - a[k, 3] * x1) - a[k, 4] * x2) - a[k, 5] * x3) - a[k, 6] * x4) / a[k, 2]
+        right[k], x1, x2, x3, x4 = x, x, x1, x2, x3
     return least / largest

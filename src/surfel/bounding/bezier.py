@@ -126,30 +126,35 @@ def _over_windows(grid, size, step, half, out):
             for j in range(half.shape[1]):
                 half[i, j] = larger(half[i, j], grid[i * step + more, j])
         for j in range(out.shape[1]):
-            most = half[i, j * step]
-            for more in range(1, size):
-                most = larger(most, half[i, j * step + more])
-            out[i, j] = most
+            out[i, j] = half[i, j * step]
+        for more in range(1, size):
+            for j in range(out.shape[1]):
+                out[i, j] = larger(out[i, j], half[i, j * step + more])
 
 
 @kernel
 def _cell_bounds(b, low, high):
-    along = np.empty((4, 4))
+    # row by row, first along u for all columns, then along v for all cells
+    cells, wide = low.shape[1], b.shape[1]
+    along, size = np.empty((4, wide)), np.empty(wide)
     for h in range(low.shape[0]):
-        for k in range(low.shape[1]):
-            size = 0.0
-            for j in range(4):
-                b0, b1, b2, b3 = b[h, k + j], b[h + 1, k + j], b[h + 2, k + j], b[h + 3, k + j]
-                size = larger(size, larger(larger(abs(b0), abs(b1)), larger(abs(b2), abs(b3))))
-                along[0, j] = (b0 + 4.0 * b1 + b2) / 6.0
-                along[1, j] = (2.0 * b1 + b2) / 3.0
-                along[2, j] = (b1 + 2.0 * b2) / 3.0
-                along[3, j] = (b1 + 4.0 * b2 + b3) / 6.0
-            least, most = np.inf, -np.inf
-            for i in range(4):
-                b0, b1, b2, b3 = along[i, 0], along[i, 1], along[i, 2], along[i, 3]
+        for j in range(wide):
+            b0, b1, b2, b3 = b[h, j], b[h + 1, j], b[h + 2, j], b[h + 3, j]
+            size[j] = larger(larger(abs(b0), abs(b1)), larger(abs(b2), abs(b3)))
+        for j in range(wide):
+            b0, b1, b2, b3 = b[h, j], b[h + 1, j], b[h + 2, j], b[h + 3, j]
+            along[0, j] = (b0 + 4.0 * b1 + b2) / 6.0
+            along[1, j] = (2.0 * b1 + b2) / 3.0
+            along[2, j] = (b1 + 2.0 * b2) / 3.0
+            along[3, j] = (b1 + 4.0 * b2 + b3) / 6.0
+        low[h], high[h] = np.inf, -np.inf
+        for i in range(4):
+            for k in range(cells):
+                b0, b1, b2, b3 = along[i, k], along[i, k + 1], along[i, k + 2], along[i, k + 3]
                 p0, p1 = (b0 + 4.0 * b1 + b2) / 6.0, (2.0 * b1 + b2) / 3.0
                 p2, p3 = (b1 + 2.0 * b2) / 3.0, (b1 + 4.0 * b2 + b3) / 6.0
-                most = larger(most, larger(larger(p0, p1), larger(p2, p3)))
-                least = -larger(-least, larger(larger(-p0, -p1), larger(-p2, -p3)))
-            low[h, k], high[h, k] = least - ROUNDING * size, most + ROUNDING * size
+                high[h, k] = larger(high[h, k], larger(larger(p0, p1), larger(p2, p3)))
+                low[h, k] = -larger(-low[h, k], larger(larger(-p0, -p1), larger(-p2, -p3)))
+        for k in range(cells):
+            slack = ROUNDING * larger(larger(size[k], size[k + 1]), larger(size[k + 2], size[k + 3]))
+            low[h, k], high[h, k] = low[h, k] - slack, high[h, k] + slack

@@ -22,6 +22,7 @@ from surfel._numba import kernel
 from surfel.bounding.bezier import cell_bounds, framed, largest_of_cells, over_windows
 from surfel.bounding.evaluate import value_at
 from surfel.bounding.frame import Frame, project
+from surfel.bounding.lanes import larger
 from surfel.bounding.occupancy import Quarters, inside_trim
 from surfel.bounding.residuals import Residuals
 from surfel.core.cast import Floats
@@ -78,6 +79,16 @@ class Lead:
         return np.asarray(self.high - self.residuals.smallest)
 
 
+def proven(surface: Floats, reference: Floats, residuals: Residuals, clamped: bool) -> tuple[Floats, Lead, int]:
+    """Return a surface that no point exceeds, its lead over the reference, and how often it was raised for that."""
+    lead, lift = Lead.of(surface, reference, residuals), 0
+    while (short := lead.shortfall()).max() > 0.0 and lift < ROUNDS:
+        lift += 1
+        surface = raised(surface, short if lift < ROUNDS else np.full(short.shape, 4.0 * short.max()), clamped)
+        lead = Lead.of(surface, reference, residuals)
+    return surface, lead, lift
+
+
 def largest_gap(
     lead: Lead, surface: Floats, frame: Frame, points: Floats, sign: float, cells: NDArray[np.int32]
 ) -> float:
@@ -105,10 +116,8 @@ def raised(coefficients: Floats, by_cell: Floats, clamped: bool = False) -> Floa
 
 def slack_of(coefficients: Floats) -> Floats:
     """Return the slack of each coefficient: what covers the rounding of any evaluator in the cells of its support."""
-    size = np.abs(coefficients)
-    step = np.zeros(coefficients.shape)
-    np.maximum(step[1:], np.abs(np.diff(coefficients, axis=0)), out=step[1:])
-    np.maximum(step[:, 1:], np.abs(np.diff(coefficients, axis=1)), out=step[:, 1:])
+    size, step = np.empty(coefficients.shape), np.empty(coefficients.shape)
+    _sizes(coefficients, size, step)
     # the second term: rounding of the domain coordinates themselves, a few units in the last place of n + m
     # the third: products of numbers near the least that there are
     return np.asarray(32.0 * EPS * _around(size) + 2.0 * EPS * sum(coefficients.shape) * _around(step) + LEAST)
@@ -131,6 +140,17 @@ def tied(lift: Floats) -> Floats:
 def _around(values: Floats) -> Floats:
     """Return the largest value among all coefficients that share a cell with each: a window of 7 x 7."""
     return over_windows(framed(values, 3, 0.0), 7)
+
+
+@kernel
+def _sizes(b, size, step):
+    # how large each coefficient is, and how far from those before it
+    for i in range(b.shape[0]):
+        for j in range(b.shape[1]):
+            size[i, j] = abs(b[i, j])
+            step[i, j] = abs(b[i, j] - b[i - 1, j]) if i > 0 else 0.0
+        for j in range(1, b.shape[1]):
+            step[i, j] = larger(step[i, j], abs(b[i, j] - b[i, j - 1]))
 
 
 @kernel

@@ -6,7 +6,7 @@ import numpy as np
 
 from surfel._numba import kernel
 from surfel.bounding.bezier import framed, over_windows
-from surfel.bounding.broken_line import broken_line
+from surfel.bounding.broken_lines import LINES, WORK, broken_lines
 from surfel.core.cast import Floats
 
 
@@ -61,30 +61,35 @@ def extend(inner: Floats, boundary: str) -> Floats:
 
 @kernel
 def _two_sweeps(corner, is_open, out):
+    # eight lines at a time; the last of them stand in for those that eight would have beyond the grid
     n, m = corner.shape
     longest = max(n, m)
-    work = np.empty((5, longest))
-    line, b, free = np.empty(longest), np.empty(longest), np.empty(longest, np.bool_)
-    empty = np.empty(m, np.bool_)
+    line, free, b = np.empty((longest, LINES)), np.empty((longest, LINES)), np.empty((longest, LINES))
+    work = np.empty((WORK, longest, LINES))
     most = fallbacks = 0
-    for j in range(m):
-        known = 0
+    for first in range(0, m, LINES):
         for i in range(n):
-            free[i] = not corner[i, j] > -np.inf
-            line[i] = 0.0 if free[i] else corner[i, j]
-            known += 0 if free[i] else 1
-        empty[j] = known == 0
-        solves = broken_line(line[:n], free[:n], is_open, b[:n], work[:, :n])
-        fallbacks += 1 if solves < 0 else 0
-        most = max(most, abs(solves))
+            for k in range(LINES):
+                height = corner[i, min(first + k, m - 1)]
+                known = height > -np.inf
+                line[i, k], free[i, k] = (height, 0.0) if known else (0.0, 1.0)
+        solves, left = broken_lines(line[:n], free[:n], is_open, b[:n], work[:, :n])
+        most, fallbacks = max(most, solves), fallbacks + left
         for i in range(n):
-            out[i, j] = b[i]
+            for k in range(min(LINES, m - first)):
+                out[i, first + k] = b[i, k]
+    empty = np.ones(m)
     for i in range(n):
         for j in range(m):
-            line[j] = out[i, j]
-        solves = broken_line(line[:m], empty, is_open, b[:m], work[:, :m])
-        fallbacks += 1 if solves < 0 else 0
-        most = max(most, abs(solves))
-        for j in range(m):
-            out[i, j] = b[j]
+            empty[j] = 0.0 if corner[i, j] > -np.inf else empty[j]
+    for first in range(0, n, LINES):
+        for k in range(LINES):
+            i = min(first + k, n - 1)
+            for j in range(m):
+                line[j, k], free[j, k] = out[i, j], empty[j]
+        solves, left = broken_lines(line[:m], free[:m], is_open, b[:m], work[:, :m])
+        most, fallbacks = max(most, solves), fallbacks + left
+        for k in range(min(LINES, n - first)):
+            for j in range(m):
+                out[first + k, j] = b[j, k]
     return most, fallbacks

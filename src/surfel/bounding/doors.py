@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from surfel.bounding.certify import ROUNDS, Lead, largest_gap, raised, slackened
+from surfel.bounding.certify import largest_gap, proven, raised, slackened
 from surfel.bounding.corners import corners_of, over_corners
 from surfel.bounding.enclosure import BOUNDARIES
 from surfel.bounding.fast import fit_fast
@@ -147,13 +147,14 @@ def finished(job: Job, options: Options, outcome: Outcome, residuals: Residuals,
     """Raise a surface over its residuals, add the slack, verify, and tell what came out."""
     clamped = job.boundary == "clamped"
     rounds, fallbacks = outcome.rounds, outcome.fallbacks
-    surface = raised(outcome.coefficients, residuals.by_cell(), clamped)
+    by_cell, surfaces = residuals.by_cell(), []
+    if options.mode != "fast":
+        surfaces.append(raised(outcome.coefficients, by_cell, clamped))
     if options.mode != "paper":
-        above, sweeps, contracted = over_corners(corners_of(residuals.by_cell()), job.boundary, job.symmetric)
+        above, sweeps, contracted = over_corners(corners_of(by_cell), job.boundary, job.symmetric)
         rounds, fallbacks = rounds + sweeps, fallbacks + contracted
-        other = outcome.coefficients + above
-        if options.mode == "fast" or residuals.mean_value(other) < residuals.mean_value(surface):
-            surface = other
+        surfaces.append(outcome.coefficients + above)
+    surface = min(surfaces, key=residuals.mean_value) if len(surfaces) > 1 else surfaces[0]
     surface, slack = slackened(surface, clamped)
     surface, gap_mean, gap_max, lifts = _verified(job, surface, residuals, outcome.coefficients, clamped)
     report = FitReport(
@@ -187,11 +188,7 @@ def _verified(
 
     Chunks are not read a third time: their largest gap is an upper bound.
     """
-    lead, lift = Lead.of(surface, reference, residuals), 0
-    while (short := lead.shortfall()).max() > 0.0 and lift < ROUNDS:
-        lift += 1
-        surface = raised(surface, short if lift < ROUNDS else np.full(short.shape, 4.0 * short.max()), clamped)
-        lead = Lead.of(surface, reference, residuals)
+    surface, lead, lift = proven(surface, reference, residuals, clamped)
     if job.source.streamed:
         largest = float(lead.gap_limits().max())
     else:

@@ -1,4 +1,4 @@
-"""Evolving clouds: points that come and go, and a new fit from what a spline remembers."""
+"""Evolving clouds: points that come and go."""
 
 from __future__ import annotations
 
@@ -10,124 +10,85 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from surfel._numba import kernel
-from surfel.bounding.bezier import bezier_nets
-from surfel.bounding.certify import EPS, LEAST, raised, slack_of, slackened, tied
-from surfel.bounding.corners import corners_of, over_corners
+from surfel.bounding.belonging import Places, Tally
+from surfel.bounding.certify import EPS, LEAST, raised, tied
 from surfel.bounding.evaluate import cell_of, value_at, values
-from surfel.bounding.fast import upper_spline
-from surfel.bounding.frame import Frame
+from surfel.bounding.growth import grown, trim_of
 from surfel.bounding.height_spline import HeightSpline
 from surfel.bounding.memory import Memory
-from surfel.bounding.normal import fill_row, unknowns_of
-from surfel.bounding.occupancy import HIGH, LEFT, LOW, RIGHT, WHOLE, Quarters
+from surfel.bounding.normal import fill_row
 from surfel.bounding.passes import survey
-from surfel.bounding.reference import Scale, by_cells
-from surfel.bounding.residuals import keep_residuals, no_residuals
+from surfel.bounding.refit import fitted_to, limits
 from surfel.bounding.source import chunks_of
 from surfel.bounding.spline import SafeSpline
-from surfel.bounding.trim import trimmed
 from surfel.core.cast import Floats, as_points
 from surfel.core.errors import InputError
-
-MOST_CELLS = 4096
-"""Cells along a side to which a grid may grow."""
 
 
 def with_points(spline: SafeSpline, points: Any) -> SafeSpline:
     """Return a spline that bounds some points more: each in turn raises its 16 coefficients as little as it takes."""
     started = time.perf_counter()
-    memory = _memory_of(spline)
-    new = _usable(points)
+    memory, sign, new = _memory_of(spline), _sign(spline), _usable(points)
     if len(new) == 0:
         return spline
-    spline = _grown(spline, new)
-    memory = _memory_of(spline)
-    sign = _sign(spline)
-    surface = _inserted(spline, new, sign)
-    seen = no_residuals(spline.frame, memory.split)
-    keep_residuals(seen, new, spline.frame, sign * memory.reference, sign)
-    more = Memory.of(memory.reference * sign, seen, sign)
-    higher = more.largest > memory.largest
-    memory = Memory(
-        memory.split,
-        memory.reference,
-        np.maximum(memory.largest, more.largest),
-        memory.count + more.count,
-        np.where(higher[..., None], more.uv, memory.uv),
-        np.where(higher, more.height, memory.height),
-        memory.weight + more.weight,
-        memory.total + more.total,
-        memory.blur,
+    spline, memory = grown(spline, memory, Places.of(new, spline.frame, memory.cells))
+    places = Places.of(new, spline.frame, memory.cells)
+    surface = _inserted(spline, places, sign)
+    tally = Tally.of(places, spline.frame, memory, sign)
+    higher = tally.largest > memory.largest
+    memory = replace(
+        memory,
+        largest=np.maximum(memory.largest, tally.largest),
+        count=memory.count + tally.count,
+        uv=np.where(higher[..., None], places.first[tally.which], memory.uv),
+        height=np.where(higher, places.heights[tally.which], memory.height),
+        weight=memory.weight + tally.weight,
+        total=memory.total + float(places.heights.sum()),
+        gone=memory.gone & ~higher & ~tally.known,
     )
     lift = float(np.abs(surface - sign * spline.coefficients).max())
-    uv, heights = spline.frame.to_domain(new)
-    largest = max(spline.report.gap_max + lift, float((values(surface, uv) - sign * heights).max()))
-    return _result(spline, sign * surface, spline.occupancy | seen.occupancy, memory, "inserted", largest, started)
+    largest = float((values(surface, places.uv) - sign * places.heights).max())
+    report = replace(spline.report, gap_max=max(spline.report.gap_max + lift, largest))
+    spline = replace(spline, coefficients=sign * surface, report=report)
+    return _told(spline, spline.occupancy | tally.occupancy, memory, "inserted", started)
 
 
 def without_points(spline: SafeSpline, points: Any) -> SafeSpline:
     """Return the spline with some of its points forgotten: the same surface, which a new fit can then bring closer."""
     started = time.perf_counter()
-    memory = _memory_of(spline)
-    gone = _usable(points)
+    memory, gone = _memory_of(spline), _usable(points)
     if len(gone) == 0:
         return spline
-    uv, _ = spline.frame.to_domain(gone)
-    seen = no_residuals(spline.frame, memory.split)
-    inside = ((uv >= 0.0) & (uv <= spline.frame.cells)).all(axis=1)
-    if inside.all():
-        keep_residuals(seen, gone, spline.frame, memory.reference.copy(), 1.0)
-    count = memory.count - seen.count
-    if not inside.all() or (count < 0).any():
-        raise InputError("some points to be removed are not among those that the surface bounds; remove what was given")
+    places = Places.of(gone, spline.frame, memory.cells)
+    if not places.within(spline.frame):
+        raise _not_given()
+    tally = Tally.of(places, spline.frame, memory, _sign(spline))
+    count, known = memory.count - tally.count, memory.gone | tally.known
     empty = count == 0
-    memory = Memory(
-        memory.split,
-        memory.reference,
-        np.where(empty, -np.inf, memory.largest),
-        count,
-        memory.uv,
-        memory.height,
-        memory.weight - seen.mean_weights() * len(gone),
-        memory.total - float(seen.total[0]),
-        memory.blur,
-    )
+    # the last point of a micro-cell cannot go before that of its largest residual
+    if (count < 0).any() or (tally.largest > limits(memory)).any() or (empty & (tally.count > 0) & ~known).any():
+        raise _not_given()
+    if empty.all():
+        raise InputError("no points would be left; a surface needs at least one point to bound")
     n, m = spline.occupancy.shape
     filled = (count.reshape(n, memory.split, m, memory.split) > 0).any(axis=(1, 3))
     occupancy = np.where(filled, spline.occupancy, 0).astype(np.uint8)
-    if not filled.any():
-        raise InputError("no points would be left; a surface needs at least one point to bound")
-    return _result(spline, spline.coefficients, occupancy, memory, "removed", spline.report.gap_max, started)
+    memory = replace(
+        memory,
+        largest=np.where(empty, -np.inf, memory.largest),
+        count=count,
+        weight=memory.weight - tally.weight,
+        total=memory.total - float(places.heights.sum()),
+        gone=known & ~empty,
+    )
+    return _told(spline, occupancy, memory, "removed", started)
 
 
 def fitted_again(spline: SafeSpline) -> SafeSpline:
-    """Return a new fit of the remembered points, as close as mode ``fast``, without the points themselves.
-
-    All points of a micro-cell lie on the safe side of the old reference plus the micro-cell's largest residual. Beside
-    a new reference that residual is at most the old one plus the largest difference of both references there, which the
-    difference's Bezier net over the micro-cell bounds. The surface over these is safe.
-    """
+    """Return a new fit of the remembered points, as close as mode ``fast``, without the points themselves."""
     started = time.perf_counter()
-    memory, sign = _memory_of(spline), _sign(spline)
-    uv, height = by_cells(memory.uv.copy(), np.where(memory.count > 0, sign * memory.height, -np.inf), memory.split)
-    scale = Scale.of(float(height.min()), float(height.max()))
-    z, unknowns = scale.inward(height), unknowns_of(spline.shape, spline.boundary)
-    reference = scale.outward(upper_spline(uv, z, unknowns, spline.boundary))
-    largest = memory.largest + _highest_by_micro_cell(sign * memory.reference - reference, memory.split)
-    n, m = spline.occupancy.shape
-    by_cell = largest.reshape(n, memory.split, m, memory.split).max(axis=(1, 3))
-    above, rounds, fallbacks = over_corners(corners_of(by_cell), spline.boundary)
-    clamped = spline.boundary == "clamped"
-    surface, slack = slackened(reference + above, clamped)
-    # residuals were rounded when they were taken against the old reference, perhaps on a grid that grew since
-    extra = float(slack_of(memory.reference).max())
-    steps = (np.abs(np.diff(c, axis=axis)).max() for c in (surface, memory.reference) for axis in (0, 1))
-    surface = surface + (2.0 * extra + 4.0 * memory.blur * float(sum(steps)))
-    memory = replace(memory, reference=sign * reference, largest=largest)
-    spline = replace(spline, report=replace(spline.report, rounds=rounds + 2, slack=slack, fallbacks=fallbacks))
-    smallest = float((values(surface, uv) - height).max())
-    limit = max(smallest, spline.report.gap_max + float(np.abs(surface - sign * spline.coefficients).max()))
-    return _result(spline, sign * surface, spline.occupancy, memory, "refitted", limit, started)
+    spline, memory = fitted_to(_memory_of(spline), spline, _sign(spline))
+    return _told(spline, spline.occupancy, memory, "refitted", started)
 
 
 def heights_between(spline: HeightSpline, other: HeightSpline, places: ArrayLike | None) -> Floats:
@@ -147,37 +108,11 @@ def heights_between(spline: HeightSpline, other: HeightSpline, places: ArrayLike
     return apart.reshape(n, m) if places is None else apart
 
 
-def _highest_by_micro_cell(coefficients: Floats, split: int) -> Floats:
-    """Return what a spline does not exceed over each micro-cell: the largest of its Bezier net there."""
-    part = [_cut(a / split, (a + 1) / split) for a in range(split)]
-    nets = bezier_nets(coefficients)
-    n, m = nets.shape[:2]
-    out = np.empty((n, split, m, split))
-    for a in range(split):
-        for b in range(split):
-            out[:, a, :, b] = (part[a] @ nets @ part[b].T).max(axis=(2, 3))
-    size = np.lib.stride_tricks.sliding_window_view(np.abs(coefficients), (4, 4)).max(axis=(2, 3))
-    return np.asarray((out + 32.0 * EPS * size[:, None, :, None]).reshape(n * split, m * split))
-
-
-def _cut(start: float, end: float) -> Floats:
-    """Return the matrix that takes a cubic's Bezier coefficients to those of its part from start to end (blossoms)."""
-
-    def blossom(a: float, b: float, c: float) -> Floats:
-        row = np.eye(4)
-        for t in (a, b, c):
-            row = (1.0 - t) * row[:-1] + t * row[1:]
-        return np.asarray(row[0])
-
-    return np.stack([blossom(*([end] * i + [start] * (3 - i))) for i in range(4)])
-
-
-def _inserted(spline: SafeSpline, points: Floats, sign: float) -> Floats:
+def _inserted(spline: SafeSpline, places: Places, sign: float) -> Floats:
     """Return signed coefficients above the new points too, with a margin for the rounding of any evaluator."""
-    surface, clamped = sign * spline.coefficients, spline.boundary == "clamped"
-    uv, heights = spline.frame.to_domain(points)
-    size = max(float(np.abs(surface).max()), float(np.abs(heights).max()))
-    goal = sign * heights + (64.0 * EPS * size + LEAST)
+    surface, clamped, uv = sign * spline.coefficients, spline.boundary == "clamped", places.uv
+    size = max(float(np.abs(surface).max()), float(np.abs(places.heights).max()))
+    goal = sign * places.heights + (64.0 * EPS * size + LEAST)
     _raise_over(uv, goal, surface, 16.0 * EPS * size)
     cells = np.minimum(uv.astype(np.int64), spline.frame.cells - 1)
     while (goal > values(surface, uv)).any():
@@ -187,97 +122,18 @@ def _inserted(spline: SafeSpline, points: Floats, sign: float) -> Floats:
     return tied(surface) if clamped else surface
 
 
-def _grown(spline: SafeSpline, points: Floats) -> SafeSpline:
-    """Return the spline on a grid with as many cells more on each side as the points need."""
-    frame, memory = spline.frame, _memory_of(spline)
-    uv, _ = frame.to_domain(points)
-    before = np.maximum(np.ceil(-uv.min(axis=0)), 0.0)
-    after = np.maximum(np.ceil(uv.max(axis=0) - frame.cells), 0.0)
-    if not (before.any() or after.any()):
-        return spline
-    after[before > 0.0] += 1.0  # where the origin moves, rounding may carry old points over the far end
-    cells = frame.cells + before + after
-    if not (cells <= MOST_CELLS).all():
-        raise InputError(
-            f"the new points reach so far beyond the grid that it would have {cells[0]:.0f} x {cells[1]:.0f} cells; "
-            "fit a new surface to all points"
-        )
-    low, high = before.astype(np.int64), after.astype(np.int64)
-    larger = Frame(frame.rotation, frame.low - before / frame.scale, frame.scale, cells)
-    again, _ = larger.to_domain(points)
-    if not ((again >= 0.0) & (again <= larger.cells)).all():  # rounding at the border: one cell more
-        low, high = low + 1, high + 1
-        larger = Frame(frame.rotation, frame.low - low / frame.scale, frame.scale, frame.cells + low + high)
-    wide = ((low[0], high[0]), (low[1], high[1]))
-    fine = tuple((a * memory.split, b * memory.split) for a, b in wide)
-    sign = _sign(spline)
-    # the new coordinates of old points are rounded otherwise
-    blur = 4.0 * EPS * (larger.scale * (np.abs(frame.low) + larger.cells / frame.scale)).max()
-    step = max(float(np.abs(np.diff(spline.coefficients, axis=axis)).max()) for axis in (0, 1))
-    moved = np.pad(spline.coefficients + sign * 4.0 * blur * step, wide, mode="edge")
-    reference = np.pad(memory.reference + sign * 4.0 * blur * step, wide, mode="edge")
-    memory = Memory(
-        memory.split,
-        reference,
-        np.pad(memory.largest, fine, constant_values=-np.inf),
-        np.pad(memory.count, fine),
-        np.pad(memory.uv + low, (*fine, (0, 0))),
-        np.pad(memory.height, fine),
-        np.pad(memory.weight, wide),
-        memory.total,
-        memory.blur + float(blur),
-    )
-    occupancy = np.pad(spline.occupancy, wide)
-    report = replace(spline.report, gap_max=spline.report.gap_max + 8.0 * float(blur) * step)
-    return replace(
-        spline,
-        report=report,
-        frame=larger,
-        coefficients=moved,
-        occupancy=occupancy,
-        trim=_trim_of(occupancy, memory),
-        memory=memory,
-    )
-
-
-def _result(
-    spline: SafeSpline, coefficients: Floats, occupancy: Any, memory: Memory, mode: str, gap_max: float, started: float
-) -> SafeSpline:
+def _told(spline: SafeSpline, occupancy: Any, memory: Memory, mode: str, started: float) -> SafeSpline:
+    """Return the spline with what it remembers now, and a report of that."""
     report = replace(
         spline.report,
         mode=mode,
         points=memory.points,
-        gap_mean=memory.mean_gap(coefficients, _sign(spline)),
-        gap_max=gap_max,
+        gap_mean=memory.mean_gap(spline.coefficients, _sign(spline)),
         dual_bound=None,
-        compression=3.0 * memory.points / coefficients.size,
+        compression=3.0 * memory.points / spline.coefficients.size,
         seconds=time.perf_counter() - started,
     )
-    return replace(
-        spline,
-        coefficients=coefficients,
-        occupancy=occupancy,
-        trim=_trim_of(occupancy, memory),
-        report=report,
-        memory=memory,
-    )
-
-
-def _trim_of(occupancy: Quarters, memory: Memory) -> Quarters:
-    """Return the trim; once the grid has grown, with all quarters into which rounding may have moved a point."""
-    if memory.blur == 0.0:
-        return trimmed(occupancy)
-    filled = occupancy > 0
-    n, m = filled.shape
-    wide = np.pad(filled, 1)
-    reached = np.where(filled, WHOLE, occupancy).astype(np.uint8)
-    for di in (-1, 0, 1):
-        for dj in (-1, 0, 1):
-            # an edge touches the quarter beside it and, at its ends, the two next to that
-            quarters = {-1: LEFT, 0: LEFT | RIGHT, 1: RIGHT}[di] | {-1: LOW, 0: LOW | HIGH, 1: HIGH}[dj]
-            neighbour = wide[1 + di : 1 + di + n, 1 + dj : 1 + dj + m]
-            reached |= np.where(neighbour, np.uint8(quarters), np.uint8(0))
-    return trimmed(reached)
+    return replace(spline, occupancy=occupancy, trim=trim_of(occupancy, memory), report=report, memory=memory)
 
 
 def _memory_of(spline: SafeSpline) -> Memory:
@@ -288,6 +144,10 @@ def _memory_of(spline: SafeSpline) -> Memory:
 
 def _sign(spline: SafeSpline) -> float:
     return 1.0 if spline.side == "above" else -1.0
+
+
+def _not_given() -> InputError:
+    return InputError("some points to be removed are not among those that the surface bounds; remove what was given")
 
 
 def _usable(points: Any) -> Floats:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,30 +17,34 @@ from surfel.core.errors import InputError
 class Frame:
     """A rotation, and a uniform grid of cells in the plane across its third row.
 
-    A point p has the domain coordinates ``u = (rotation[0] . p - low[0]) * scale[0]`` and likewise v, in cells, and
-    the height ``rotation[2] . p`` in the units of the points. Along a coordinate axis the height is that coordinate
-    itself, unrounded.
+    A point p has the domain coordinates ``u = (rotation[0] . p - low[0]) * scale[0] + origin[0]`` and likewise v, in
+    cells, and the height ``rotation[2] . p`` in the units of the points. Along a coordinate axis the height is that
+    coordinate itself, unrounded. A grid that grows keeps low and scale and adds whole cells: so coordinates are rounded
+    alike before the origin is added, and never over the border of a cell after that.
 
     Parameters
     ----------
     rotation : Floats, shape (3, 3)
         Orthonormal rows; the third is the direction.
     low : Floats, shape (2,)
-        Where the grid starts, along the first two rows.
+        Where the grid of the fit starts, along the first two rows.
     scale : Floats, shape (2,)
         Cells a unit of length.
     cells : Integers, shape (2,)
         Cells along u and v: one less than ``shape``.
+    origin : Integers, shape (2,)
+        Cells before ``low``: zero until the grid has grown.
     """
 
     rotation: Floats
     low: Floats
     scale: Floats
     cells: Integers
+    origin: Integers = field(default_factory=lambda: np.zeros(2, np.int64))
 
     def __post_init__(self) -> None:
-        for name in ("rotation", "low", "scale", "cells"):
-            kind = np.int64 if name == "cells" else np.float64
+        for name in ("rotation", "low", "scale", "cells", "origin"):
+            kind = np.int64 if name in ("cells", "origin") else np.float64
             object.__setattr__(self, name, read_only(np.array(getattr(self, name), dtype=kind, order="C")))
 
     @property
@@ -83,12 +87,13 @@ class Frame:
         """Return the points of space over domain coordinates, at given heights: shape (k, 3)."""
         place = as_domain(uv)
         z = np.broadcast_to(np.asarray(heights, dtype=np.float64), (len(place),))
-        plane = place / self.scale + self.low
+        plane = (place - self.origin) / self.scale + self.low
         return np.ascontiguousarray(np.column_stack([plane, z]) @ self.rotation)
 
     def numbers(self) -> Floats:
-        """Return all that :func:`project` needs as one array of 15 numbers: rotation, low, scale, cells."""
-        return np.concatenate([self.rotation.ravel(), self.low, self.scale, self.cells.astype(np.float64)])
+        """Return all that :func:`project` needs as one array of 17 numbers: rotation, low, scale, cells, origin."""
+        whole = np.concatenate([self.cells, self.origin]).astype(np.float64)
+        return np.concatenate([self.rotation.ravel(), self.low, self.scale, whole])
 
     def signed_numbers(self, sign: float) -> Floats:
         """Return the numbers with heights multiplied by a sign."""
@@ -151,8 +156,8 @@ def as_domain(uv: ArrayLike) -> Floats:
 @inlined
 def project(f, x, y, z):
     """Return u, v in cells and the height of a point, by the numbers of a frame."""
-    u = ((f[0] * x + f[1] * y + f[2] * z) - f[9]) * f[11]
-    v = ((f[3] * x + f[4] * y + f[5] * z) - f[10]) * f[12]
+    u = ((f[0] * x + f[1] * y + f[2] * z) - f[9]) * f[11] + f[15]
+    v = ((f[3] * x + f[4] * y + f[5] * z) - f[10]) * f[12] + f[16]
     return u, v, f[6] * x + f[7] * y + f[8] * z
 
 

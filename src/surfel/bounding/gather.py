@@ -53,7 +53,7 @@ class Gathered:
             self._begin()
         while not self._fits():
             self._double()
-        grid = np.concatenate([self.rotation.ravel(), self._low, 1.0 / self._step, self._height.shape])
+        grid = Frame(self.rotation, self._low, 1.0 / self._step, np.array(self._height.shape)).numbers()
         parts = 2 if len(chunk) >= HALVED else 1  # wherever there are threads or not
         place, count = (np.zeros((parts, *a.shape)) for a in (self._place, self._count))
         height = np.repeat(self._height[None], parts, axis=0)

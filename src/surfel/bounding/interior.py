@@ -12,13 +12,14 @@ import numpy as np
 from surfel._numba import kernel
 from surfel.bounding.candidates import Rows, product
 from surfel.bounding.energy import Tether, no_matrix
+from surfel.bounding.lanes import row_add, row_times
 from surfel.bounding.normal import PAD, factorize, solve
 from surfel.core.cast import Floats
 
 AROUND = 10.0
 """How many mean gaps coefficients may still move: what the dual residual is charged with."""
 
-FLOOR = 0.1
+FLOOR = 0.3
 """Least slack, in mean gaps, of a constraint that joins: the walk begins inside of it."""
 
 
@@ -64,15 +65,16 @@ class Walk:
 
         The dual residual is charged with how far coefficients may still move: some mean gaps, or all of a ``box``.
         """
-        self._primal = self.rows.times(self.x) - self.s - self.z
+        self._primal = self.rows.times(self.x)
+        worst = float(_less(self._primal, self.s, self.z))
         self._dual = self.rows.transposed_times(self.y) + self._tether.force(self.x) - self.cost
-        gained = max(product(self.s, self.y), float(np.abs(self._primal).max())) / max(self.gap, 0.1 * self._first)
+        gained = max(product(self.s, self.y), worst) / max(self.gap, 0.1 * self._first)
         return max(gained, max(AROUND, box / self.gap) * float(np.abs(self._dual).sum()))
 
     def step(self) -> bool:
         """Take one step from where :meth:`left` looked; False where rounding forbids it."""
         s, y, count = self.s, self.y, len(self.z)
-        theta = y / s
+        theta, removed, ds, dy = y / s, y.copy(), np.empty(count), np.empty(count)
         band = self._band
         np.copyto(band, self._matrix)
         self.rows.add_normal(theta, band)
@@ -80,12 +82,11 @@ class Walk:
         if not (np.isfinite(theta).all() and factorize(band)):
             return False
         mu = product(s, y) / count
-        dx, ds, dy = self._direction(band, theta, y)
-        reach_s, reach_y = _reach(s, ds), _reach(y, dy)
-        after = product(s + reach_s * ds, y + reach_y * dy) / count
-        center = (after / mu) ** 3 * mu
-        dx, ds, dy = self._direction(band, theta, y + (ds * dy - center) / s)
-        reach_s, reach_y = min(1.0, 0.99 * _reach(s, ds, 1e9)), min(1.0, 0.99 * _reach(y, dy, 1e9))
+        _, reach_s, reach_y = self._direction(band, theta, removed, ds, dy)
+        after = float(_ahead(s, y, ds, dy, min(1.0, reach_s), min(1.0, reach_y))) / count
+        _correct(s, y, ds, dy, (after / mu) ** 3 * mu, removed)
+        dx, reach_s, reach_y = self._direction(band, theta, removed, ds, dy)
+        reach_s, reach_y = (min(1.0, 0.99 * min(reach, 1e9)) for reach in (reach_s, reach_y))
         self.x += reach_s * dx
         self.s += reach_s * ds
         self.y += reach_y * dy
@@ -115,21 +116,65 @@ class Walk:
         near = self.y > share * self.y.mean()
         self.rows, self.z, self.s, self.y = self.rows.chosen(near), self.z[near], self.s[near], self.y[near]
 
-    def _direction(self, factor: Floats, theta: Floats, removed: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return Newton's step; ``removed`` is what is to go of the products s y, over s."""
-        dx = self._dual - self.rows.transposed_times(removed + theta * self._primal)
+    def _direction(
+        self, factor: Floats, theta: Floats, removed: Floats, ds: Floats, dy: Floats
+    ) -> tuple[Floats, float, float]:
+        """Return Newton's step of x, write that of s and y, and tell how far both may go and stay positive.
+
+        ``removed`` is what is to go of the products s y, over s.
+        """
+        rows, unknowns = self.rows, self.rows.unknowns
+        sums = np.zeros((len(unknowns.along_u), len(unknowns.along_v)))
+        _collect(rows.cell, rows.weight, removed, theta, self._primal, sums)
+        dx = self._dual - unknowns.collect(sums)
         solve(factor, dx)
-        ds = self.rows.times(dx) + self._primal
-        return dx, ds, -removed - theta * ds
-
-
-def _reach(values: Floats, change: Floats, most: float = 1.0) -> float:
-    """Return how far a step keeps all values positive."""
-    return min(most, float(_farthest(values, change)))
+        _spread(rows.cell, rows.weight, unknowns.spread(dx), removed, theta, self._primal, ds, dy)
+        return dx, float(_reach(self.s, ds)), float(_reach(self.y, dy))
 
 
 @kernel
-def _farthest(values, change):
+def _less(values, s, z):
+    # values less s less z, in place, and the largest of their sizes
+    worst = 0.0
+    for i in range(values.shape[0]):
+        values[i] = values[i] - s[i] - z[i]
+        worst = max(worst, abs(values[i]))
+    return worst
+
+
+@kernel
+def _collect(cell, weight, removed, theta, primal, sums):
+    width, flat, along = sums.shape[1], sums.ravel(), weight.ravel()
+    for i in range(removed.shape[0]):
+        value = removed[i] + theta[i] * primal[i]
+        row_add(flat, cell[i, 0] * width + cell[i, 1], width, along, 16 * i, value)
+
+
+@kernel
+def _spread(cell, weight, b, removed, theta, primal, ds, dy):
+    width, flat, along = b.shape[1], b.ravel(), weight.ravel()
+    for i in range(removed.shape[0]):
+        ds[i] = row_times(flat, cell[i, 0] * width + cell[i, 1], width, along, 16 * i) + primal[i]
+        dy[i] = -removed[i] - theta[i] * ds[i]
+
+
+@kernel
+def _ahead(s, y, ds, dy, reach_s, reach_y):
+    total = 0.0
+    for i in range(s.shape[0]):
+        total += (s[i] + reach_s * ds[i]) * (y[i] + reach_y * dy[i])
+    return total
+
+
+@kernel
+def _correct(s, y, ds, dy, center, removed):
+    for i in range(s.shape[0]):
+        removed[i] = y[i] + (ds[i] * dy[i] - center) / s[i]
+
+
+@kernel
+def _reach(values, change):
+    # how far a step keeps all values positive
     fastest = 0.0
     for i in range(values.shape[0]):
         if change[i] < fastest * values[i]:

@@ -8,17 +8,19 @@ it is.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from surfel._numba import inner, kernel
+from surfel._numba import inlined, inner, kernel
 from surfel.bounding.candidates import Rows
 from surfel.bounding.energy import add_bending
-from surfel.bounding.evaluate import cell_of, weights
-from surfel.bounding.lanes import row_add, row_times
+from surfel.bounding.evaluate import cell_of, values, weights
+from surfel.bounding.lanes import there_and_back
 from surfel.bounding.normal import Unknowns, unknowns_of
 from surfel.bounding.products import Products, solve_product
 from surfel.bounding.reference import STRETCHING, least_squares
-from surfel.core.cast import Floats
+from surfel.core.cast import Floats, Integers
 
 COARSER = 4.0
 """Cells of the grid along a side of a cell of the coarse grid."""
@@ -39,11 +41,11 @@ ROUGHLY = 0.1
 
 def upper_by_steps(uv: Floats, z: Floats, unknowns: Unknowns, boundary: str, bending: float, below: float) -> Floats:
     """Return what :func:`surfel.bounding.fast.upper_spline` does, without factors."""
-    rows, products = Rows.of(uv, unknowns), Products.of(unknowns)
+    steps = Steps.of(uv, z, unknowns, bending)
     x = start_coarse(uv, z, unknowns, boundary, bending)
-    x = conjugate_gradients(rows, z, np.full(len(z), 1.0 / len(z)), products, x, bending, ROUGHLY)
-    weight = np.where(z > rows.times(x), 1.0, below)
-    x = conjugate_gradients(rows, z, weight / weight.sum(), products, x, bending)
+    x = steps.from_(x, np.full(len(z), 1.0 / len(z)), ROUGHLY)
+    weight = np.where(z > values(unknowns.spread(x), uv), 1.0, below)
+    x = steps.from_(x, weight / weight.sum())
     return unknowns.spread(np.clip(np.where(np.isfinite(x), x, 0.0), -5.0, 5.0))
 
 
@@ -55,12 +57,11 @@ def start_coarse(uv: Floats, z: Floats, unknowns: Unknowns, boundary: str, bendi
     some = slice(None, None, max(1, len(z) // (PER_CELL * fewer.size)))
     ends = np.array(small) - 1.0
     uv, z = np.minimum(uv[some] * (ends / (np.array(shape) - 1.0)), ends), z[some]
-    rows = Rows.of(uv, fewer)
     if fewer.band <= SMALL:
-        x = least_squares(rows, z, bending=bending)
+        x = least_squares(Rows.of(uv, fewer), z, bending=bending)
     else:
         x = start_coarse(uv, z, fewer, boundary, bending)
-        x = conjugate_gradients(rows, z, np.full(len(z), 1.0 / len(z)), Products.of(fewer), x, bending)
+        x = Steps.of(uv, z, fewer, bending).from_(x, np.full(len(z), 1.0 / len(z)))
     along_u, along_v = (_refinement(n, of, boundary) for n, of in zip(shape, small, strict=True))
     return unknowns.gather(_between(along_u, fewer.spread(x), np.ascontiguousarray(along_v.T)))
 
@@ -90,27 +91,73 @@ def _longer(f: Floats) -> Floats:
     return np.concatenate([first, f, last])
 
 
-def conjugate_gradients(
-    rows: Rows, z: Floats, weight: Floats, products: Products, x: Floats, bending: float, enough: float = ENOUGH
-) -> Floats:
-    """Return unknowns near those of least ``sum w (F - z)^2 + bending |D2 b|^2``; the weights add up to 1."""
-    unknowns = rows.unknowns
-    turned = unknowns.step_u == 1
-    square = x.reshape(products.shape[::-1]).T if turned else x.reshape(products.shape)
-    found = np.array(square, order="C")
-    _conjugate_gradients(
-        rows.cell,
-        rows.weight,
-        z,
-        weight,
-        unknowns.along_u,
-        unknowns.along_v,
-        *products.sides,
-        float(bending),
-        float(enough),
-        found,
-    )
-    return np.ascontiguousarray(found.T if turned else found).ravel()
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """Conjugate gradients towards the least ``sum w (F - z)^2 + bending |D2 b|^2`` over points sorted by cell.
+
+    Parameters
+    ----------
+    place : Integers, shape (k, 2)
+        The first coefficient of each point's cell, and the first of its sums.
+    weights, z : Floats, shape (k, 8) and (k,)
+        Weights of the points along u and along v, and their heights.
+    unknowns : Unknowns
+        How coefficients are numbered.
+    products : Products
+        What the steps are preconditioned with.
+    bending : float
+        Weight of the energy.
+    """
+
+    place: Integers
+    weights: Floats
+    z: Floats
+    unknowns: Unknowns
+    products: Products
+    bending: float
+
+    @classmethod
+    def of(cls, uv: Floats, z: Floats, unknowns: Unknowns, bending: float) -> Steps:
+        """Find the cells of points in the domain."""
+        place, weights = np.empty((len(uv), 2), np.int64), np.empty((len(uv), 8))
+        _place(uv, len(unknowns.along_u), len(unknowns.along_v), place, weights)
+        return cls(place, weights, z, unknowns, Products.of(unknowns), bending)
+
+    def from_(self, x: Floats, weight: Floats, enough: float = ENOUGH) -> Floats:
+        """Return unknowns near the best ones for weights that add up to 1, from some to begin with."""
+        turned, shape = self.unknowns.step_u == 1, self.products.shape
+        found = np.array(x.reshape(shape[::-1]).T if turned else x.reshape(shape), order="C")
+        _conjugate_gradients(
+            self.place,
+            self.weights,
+            self.z,
+            weight,
+            self.unknowns.along_u,
+            self.unknowns.along_v,
+            *self.products.sides,
+            float(self.bending),
+            float(enough),
+            found,
+        )
+        return np.ascontiguousarray(found.T if turned else found).ravel()
+
+
+@kernel
+def _place(uv, n, m, place, along):
+    step = side_of(m)
+    for i in range(uv.shape[0]):
+        h, k = cell_of(uv[i, 0], n - 3), cell_of(uv[i, 1], m - 3)
+        place[i, 0], place[i, 1] = h * m + k, (k % 4 * n + h) * step + k // 4 * 4
+        a0, a1, a2, a3 = weights(uv[i, 0] - h)
+        along[i, 0], along[i, 1], along[i, 2], along[i, 3] = a0 / 6.0, a1 / 6.0, a2 / 6.0, a3 / 6.0
+        a0, a1, a2, a3 = weights(uv[i, 1] - k)
+        along[i, 4], along[i, 5], along[i, 6], along[i, 7] = a0 / 6.0, a1 / 6.0, a2 / 6.0, a3 / 6.0
+
+
+@inlined
+def side_of(width):
+    """Return how long rows of sums are for rows of coefficients of a width: a multiple of four."""
+    return (width + 3) // 4 * 4
 
 
 @kernel
@@ -132,33 +179,37 @@ def _add_product(a, b, out):
 
 
 @inner
-def _spread_and_collect(cell, rows, weight, z, along_u, along_v, x, full, sums, out):
+def _spread_and_collect(place, weights, factor, z, along_u, along_v, x, full, sums, out):
     # A^T W (A x - z), and the sum of squares. Unknowns are spread to coefficients, sums over these collected again.
-    n, m = full.shape
+    # Grid g of the sums holds what cells in columns k with k % 4 = g give: no block lies across another's border.
+    n, m, step = full.shape[0], full.shape[1], sums.shape[2]
     for i in range(n):
         for j in range(m):
             full[i, j] = x[along_u[i], along_v[j]]
     sums[:], out[:] = 0.0, 0.0
-    flat, into, along, squares = full.ravel(), sums.ravel(), rows.ravel(), 0.0
-    for i in range(weight.shape[0]):
-        place = cell[i, 0] * m + cell[i, 1]
-        value = row_times(flat, place, m, along, 16 * i) - z[i]
-        squares += weight[i] * value * value
-        row_add(into, place, m, along, 16 * i, weight[i] * value)
+    flat, into, along, squares = full.ravel(), sums.ravel(), weights.ravel(), 0.0
+    for i in range(factor.shape[0]):
+        value = there_and_back(flat, place[i, 0], m, along, 8 * i, z[i], factor[i], into, place[i, 1], step)
+        squares += factor[i] * value * value
     for i in range(n):
+        row = out[along_u[i]]
+        for g in range(4):
+            for j in range(m - g):
+                full[0, j + g] = sums[g, i, j] if g == 0 else full[0, j + g] + sums[g, i, j]
         for j in range(m):
-            out[along_u[i], along_v[j]] += sums[i, j]
+            row[along_v[j]] += full[0, j]
     return squares
 
 
 @kernel
-def _conjugate_gradients(cell, rows, z, weight, along_u, along_v, side_u, side_v, bending, enough, x):
+def _conjugate_gradients(place, weights, z, weight, along_u, along_v, side_u, side_v, bending, enough, x):
     n, m = x.shape
     cells = float((along_u.shape[0] - 3) * (along_v.shape[0] - 3))
-    full, sums = np.empty((along_u.shape[0], along_v.shape[0])), np.empty((along_u.shape[0], along_v.shape[0]))
+    full = np.empty((along_u.shape[0], along_v.shape[0]))
+    sums = np.empty((4, full.shape[0], side_of(full.shape[1])))
     residual, better, image, step = np.empty((n, m)), np.empty((n, m)), np.empty((n, m)), np.zeros((n, m))
     turned, energy, nothing = np.empty((m, n)), np.empty((n, m)), np.zeros(z.shape[0])
-    squares = _spread_and_collect(cell, rows, weight, z, along_u, along_v, x, full, sums, image)
+    squares = _spread_and_collect(place, weights, weight, z, along_u, along_v, x, full, sums, image)
     energy[:] = 0.0
     add_bending(x, bending, energy)
     for i in range(n):
@@ -180,7 +231,7 @@ def _conjugate_gradients(cell, rows, z, weight, along_u, along_v, side_u, side_v
         for i in range(n):
             for j in range(m):
                 step[i, j] = better[i, j] + share * step[i, j]
-        _spread_and_collect(cell, rows, weight, nothing, along_u, along_v, step, full, sums, image)
+        _spread_and_collect(place, weights, weight, nothing, along_u, along_v, step, full, sums, image)
         energy[:] = 0.0
         add_bending(step, bending, energy)
         bent = 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,7 +146,7 @@ def compared(job: Job, coefficients: Floats) -> Residuals:
 def split_for(points: int, shape: tuple[int, int]) -> int:
     """Return the micro-cells along the side of a cell: some 1.5 points each where points are few."""
     cells = (shape[0] - 1) * (shape[1] - 1)
-    return int(np.clip(round((points / (1.5 * cells)) ** 0.5), 1, SPLIT))
+    return min(max(round(math.sqrt(points / (1.5 * cells))), 1), SPLIT)
 
 
 def beside(job: Job, other: Floats) -> Job:

@@ -8,7 +8,19 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from surfel.bounding.vectors import EIGHT, F64, FOUR, I32, I64, address, fused, load, pick, spread, three
+from surfel.bounding.vectors import (
+    EIGHT,
+    F64,
+    FOUR,
+    I32,
+    I64,
+    address,
+    fused,
+    load,
+    pick,
+    spread,
+    three,
+)
 
 
 @intrinsic
@@ -116,6 +128,44 @@ def row_add(typing, sums, place, width, weights, at, factor):  # type: ignore[no
         return context.get_dummy_value()
 
     return types.void(sums, types.int64, types.int64, weights, types.int64, types.float64), generate
+
+
+@intrinsic
+def there_and_back(typing, b, place, width, weights, at, z, factor, sums, share, step):  # type: ignore[no-untyped-def]
+    """Add ``factor (w.b - z) w`` to ``sums``, and return ``w.b - z``: w are the 16 products of a point's weights.
+
+    Those along u are ``weights[at : at + 4]``, those along v the four after them. The cell's 16 numbers lie in the
+    flat ``b`` at ``place`` in rows of ``width``, its sums at ``share`` in rows of ``step``.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        flat, along, sums = (context.make_array(signature.args[i])(context, builder, values[i]).data for i in (0, 3, 7))
+        place, share, at, column = values[1], values[8], values[4], None
+        across = load(builder, along, builder.add(at, ir.Constant(I64, 4)), FOUR)
+        factors = []
+        for i in range(4):
+            one = builder.load(builder.gep(along, [builder.add(at, ir.Constant(I64, i))]))
+            first = builder.insert_element(ir.Constant(FOUR, ir.Undefined), one, ir.Constant(I32, 0))
+            factors.append(spread(builder, first, 0))
+            row = load(builder, flat, place, FOUR)
+            column = builder.fmul(factors[i], row) if i == 0 else fused(builder, factors[i], row, column)
+            place = builder.add(place, values[2])
+        terms = builder.fmul(column, across)
+        pair = builder.fadd(pick(builder, terms, [0, 1]), pick(builder, terms, [2, 3]))
+        value = builder.fadd(*(builder.extract_element(pair, ir.Constant(I32, lane)) for lane in (0, 1)))
+        value = builder.fsub(value, values[5])
+        first = builder.insert_element(
+            ir.Constant(FOUR, ir.Undefined), builder.fmul(value, values[6]), ir.Constant(I32, 0)
+        )
+        across = builder.fmul(across, spread(builder, first, 0))
+        for i in range(4):
+            pointer = address(builder, sums, share, FOUR)
+            builder.store(fused(builder, factors[i], across, builder.load(pointer, align=8)), pointer, align=8)
+            share = builder.add(share, values[9])
+        return value
+
+    i, f = types.int64, types.float64
+    return f(b, i, i, weights, i, f, f, sums, i, i), generate
 
 
 def _weights(builder: Any, s: Any, t: Any) -> Any:

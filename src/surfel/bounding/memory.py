@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from surfel.bounding.residuals import Residuals
 from surfel.core.cast import Floats, Integers, read_only
 from surfel.core.errors import InputError
+
+Margins = tuple[tuple[int, int], tuple[int, int]]
+_KINDS: dict[str, type] = {"count": np.int64, "cells": np.int64, "gone": np.bool_}
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +35,15 @@ class Memory:
     count : Integers, shape (a, b)
         Points in the micro-cell.
     uv, height : Floats, shape (a, b, 2) and (a, b)
-        The point of the largest residual.
+        The point of the largest residual: where on the grid of the fit, and how high.
     weight : Floats, shape (n + 2, m + 2)
         Sum over all points of their weights on each coefficient: with it the mean gap of any spline is known.
     total : float
         Sum of the heights.
-    blur : float
-        How far, in cells, rounding may have moved points: 0 until the grid has grown.
+    cells : Integers, shape (2,)
+        Cells of the grid of the fit, from which on points keep their micro-cells however the grid grows.
+    gone : NDArray[np.bool_], shape (a, b)
+        Whether the point of the largest residual was removed, while others of the micro-cell stay.
     """
 
     split: int
@@ -48,16 +54,18 @@ class Memory:
     height: Floats
     weight: Floats
     total: float
-    blur: float = 0.0
+    cells: Integers
+    gone: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
-        for name in ("reference", "largest", "count", "uv", "height", "weight"):
-            kind = np.int64 if name == "count" else np.float64
+        for name in ("reference", "largest", "count", "uv", "height", "weight", "cells", "gone"):
+            kind = _KINDS.get(name, np.float64)
             object.__setattr__(self, name, read_only(np.array(getattr(self, name), dtype=kind, order="C")))
         shape = self.largest.shape
         if not (
             self.largest.ndim == 2
-            and self.count.shape == self.height.shape == shape
+            and self.count.shape == self.height.shape == self.gone.shape == shape
+            and self.cells.shape == (2,)
             and self.uv.shape == (*shape, 2)
             and self.weight.shape == self.reference.shape
             and all(side == self.split * (wide - 3) for side, wide in zip(shape, self.reference.shape, strict=True))
@@ -76,12 +84,30 @@ class Memory:
             sign * residuals.height,
             residuals.mean_weights() * residuals.points,
             sign * float(residuals.total[0]),
+            np.array(residuals.occupancy.shape),
+            np.zeros(residuals.count.shape, np.bool_),
         )
 
     @property
     def points(self) -> int:
         """How many points are remembered."""
         return int(self.count.sum())
+
+    def padded(self, wide: Margins) -> Memory:
+        """Return the same on a grid with more cells before and after, along u and along v."""
+        (before_u, after_u), (before_v, after_v) = wide
+        k = self.split
+        fine = ((k * before_u, k * after_u), (k * before_v, k * after_v))
+        return replace(
+            self,
+            reference=np.pad(self.reference, wide, mode="edge"),
+            largest=np.pad(self.largest, fine, constant_values=-np.inf),
+            count=np.pad(self.count, fine),
+            uv=np.pad(self.uv, (*fine, (0, 0))),
+            height=np.pad(self.height, fine),
+            weight=np.pad(self.weight, wide),
+            gone=np.pad(self.gone, fine),
+        )
 
     def mean_gap(self, coefficients: Floats, sign: float) -> float:
         """Return the mean gap between the points and a spline of the grid; ``sign`` is -1 for one below them."""
@@ -99,7 +125,8 @@ class Memory:
             "height": self.height,
             "weight": self.weight,
             "total": np.float64(self.total),
-            "blur": np.float64(self.blur),
+            "cells": self.cells,
+            "gone": self.gone,
         }
 
     @classmethod
@@ -121,7 +148,8 @@ class Memory:
                 height=np.asarray(arrays["height"]),
                 weight=np.asarray(arrays["weight"]),
                 total=float(arrays["total"]),
-                blur=float(arrays["blur"]),
+                cells=np.asarray(arrays["cells"]),
+                gone=np.asarray(arrays["gone"]),
             )
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"the parts of a spline's memory do not fit each other: {error}") from error

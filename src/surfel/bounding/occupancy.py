@@ -74,3 +74,53 @@ def _outside(occupancy, found):
             if 0 <= h + dh < n and 0 <= k + dk < m:
                 todo[count] = (h + dh) * m + k + dk
                 count += 1
+
+
+@inlined
+def _at_corner(i, j):
+    """Return the quarters at a corner of a cell: what the diagonal past the corner cuts off."""
+    return (RIGHT if i else LEFT) | (HIGH if j else LOW)
+
+
+@inlined
+def _is_bound(outer, i, j):
+    # a grid point that is not free: some cell round it is kept
+    for h in range(max(i - 1, 0), min(i + 1, outer.shape[0])):
+        for k in range(max(j - 1, 0), min(j + 1, outer.shape[1])):
+            if not outer[h, k]:
+                return True
+    return False
+
+
+@inlined
+def _is_empty(hull, h, k):
+    return h < 0 or k < 0 or h >= hull.shape[0] or k >= hull.shape[1] or hull[h, k] == 0
+
+
+@kernel
+def trim_into(occupancy, outer, out):
+    """Write the quarters that are kept: the hulls of the bound corners of each cell, without bare corners.
+
+    A corner is bare that juts out: without data, and with nothing beside it over either of its two edges.
+    """
+    n, m = occupancy.shape
+    hull = np.empty((n, m), np.int64)
+    for h in range(n):
+        for k in range(m):
+            free, missing = 0, 0
+            for i in range(2):
+                for j in range(2):
+                    if outer[h, k] and not _is_bound(outer, h + i, k + j):
+                        free, missing = free + 1, _at_corner(i, j)
+            hull[h, k] = 0 if free > 1 else WHOLE & ~missing
+    for h in range(n):
+        for k in range(m):
+            kept, held = hull[h, k], np.int64(occupancy[h, k])
+            if kept == WHOLE and held > 0:
+                for i in range(2):
+                    for j in range(2):
+                        quarters = _at_corner(i, j)
+                        beside = _is_empty(hull, h + 2 * i - 1, k) and _is_empty(hull, h, k + 2 * j - 1)
+                        if held & quarters == 0 and beside:
+                            kept &= ~quarters
+            out[h, k] = np.uint8(kept)

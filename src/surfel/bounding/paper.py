@@ -50,10 +50,11 @@ def _one_order(job: Job, exchanged: bool) -> Outcome:
     n, m = frame.shape
     corner = np.full((n, m), -np.inf)
     solves, fallbacks = np.zeros(m, np.int64), np.zeros(m, np.bool_)
+    chosen, sign = np.empty((m, n), np.int64), np.empty((m, n))
     line, place, height = _on_lines(uv, job.height, m)
     todo, near = np.ones(m, np.bool_), None
     for turn in range(PASSES):
-        _fit_lines(line, place, height, job.boundary == "open", todo, corner, solves, fallbacks)
+        _fit_lines(line, place, height, job.boundary == "open", todo, corner, solves, fallbacks, chosen, sign)
         if job.source.streamed:
             break
         worst, near = _look(frame, corner, job, near, first=turn == 0)
@@ -121,20 +122,22 @@ def _look(
 
 
 @kernel
-def _fit_lines(line, place, height, is_open, todo, corner, solves, fallbacks):
+def _fit_lines(line, place, height, is_open, todo, corner, solves, fallbacks, chosen, sign):
+    # Points that were found later lie behind the older ones of their line, so its choice holds and is gone on from.
     n, m = corner.shape
-    labels, b = np.zeros(n, np.bool_), np.empty(n)
-    chosen, worst_at = np.empty(n, np.int64), np.empty(n, np.int64)
-    work, rows = np.empty((5, n)), np.empty((n, COLUMNS))
+    labels, b, worst_at = np.zeros(n, np.bool_), np.empty(n), np.empty(n, np.int64)
+    work, rows = np.empty((2, n)), np.empty((n, COLUMNS))
     first = 0
     for j in range(m):
         last = first
         while last < line.shape[0] and line[last] == j:
             last += 1
         if todo[j] and last > first:
-            count, plainly = scattered(
-                place[first:last], height[first:last], labels, is_open, b, chosen, worst_at, work, rows
-            )
+            known_before = corner[0, j] > -np.inf and not fallbacks[j]
+            for i in range(n):
+                b[i] = corner[i, j]
+            t, y = place[first:last], height[first:last]
+            count, plainly = scattered(t, y, labels, is_open, b, chosen[j], sign[j], known_before, worst_at, work, rows)
             solves[j] += count
             fallbacks[j] = plainly
             for i in range(n):

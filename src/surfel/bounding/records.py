@@ -1,6 +1,7 @@
 """Points beside the cell that they lie in, eight at a time.
 
-The formulas are those of ``frame.project``, rounded alike: the numbers are the same to the last bit.
+The formulas are those of ``frame.project`` where a grid has not grown, rounded alike: the numbers are the same to the
+last bit.
 """
 
 from __future__ import annotations

@@ -7,8 +7,9 @@ from numpy.typing import ArrayLike
 
 from surfel._numba import inner, kernel
 from surfel.bounding.banded import COLUMNS, solve_banded
-from surfel.bounding.broken_line import FLAT, CurveFit, as_free, broken_line
-from surfel.bounding.enclosure import BOUNDARIES, lower_bound, second
+from surfel.bounding.broken_line import CurveFit, as_free, broken_line
+from surfel.bounding.broken_lines import FLAT
+from surfel.bounding.enclosure import BOUNDARIES, second
 from surfel.bounding.evaluate import cell_of
 from surfel.core.cast import Floats, as_choice, as_count
 from surfel.core.errors import InputError
@@ -92,8 +93,8 @@ def as_data(t: ArrayLike, y: ArrayLike, n: int) -> tuple[Floats, Floats, int]:
 def _scattered(t, y, labels, is_open, b):
     n = b.shape[0]
     chosen, worst_at = np.empty(n, np.int64), np.empty(n, np.int64)
-    work, rows = np.empty((5, n)), np.empty((n, COLUMNS))
-    return scattered(t, y, labels, is_open, b, chosen, worst_at, work, rows)
+    work, rows = np.empty((2, n)), np.empty((n, COLUMNS))
+    return scattered(t, y, labels, is_open, b, chosen, np.ones(n), False, worst_at, work, rows)
 
 
 @inner
@@ -103,16 +104,21 @@ def nearest(t, n):
 
 
 @inner
-def scattered(t, y, labels, is_open, b, chosen, worst_at, work, rows):
-    """Solve for b; returns the number of solves and whether the plain scheme had to answer."""
+def scattered(t, y, labels, is_open, b, chosen, sign, known_before, worst_at, work, rows):
+    """Solve for b; returns the number of solves and whether the plain scheme had to answer.
+
+    Where there was a solution before data were appended, the exchange goes on from its b, choice and signs.
+    """
     n = b.shape[0]
     low, high = np.inf, -np.inf
-    chosen[:] = -1
+    if not known_before:
+        chosen[:], sign[:] = -1, 1.0
     for i in range(t.shape[0]):
         low, high = min(low, y[i]), max(high, y[i])
-        j = nearest(t[i], n)
-        if not labels[j] and (chosen[j] < 0 or y[i] > y[chosen[j]]):
-            chosen[j] = i
+        if not known_before:
+            j = nearest(t[i], n)
+            if not labels[j] and (chosen[j] < 0 or y[i] > y[chosen[j]]):
+                chosen[j] = i
     known = 0
     for j in range(n):
         known += 1 if chosen[j] >= 0 else 0
@@ -120,24 +126,24 @@ def scattered(t, y, labels, is_open, b, chosen, worst_at, work, rows):
         b[:] = high if t.shape[0] > 0 else 0.0
         return 0, False
     middle, spread = 0.5 * low + 0.5 * high, high - low
-    sign, worst = work[4], work[3]
-    sign[:] = 1.0
     solves = 0
+    if known_before and not _exchange(t, y, labels, is_open, b, chosen, work, worst_at, AGREED * spread):
+        return solves, False
     while solves < MOST_SOLVES:
         agreed = False
         while not agreed and solves < MOST_SOLVES:
             solves += 1
             if solve_chosen(t, y, chosen, is_open, sign, b, rows) == 0.0:
-                plain(t, y, is_open, b, work)
+                plain(t, y, is_open, b)
                 return solves, True
             agreed = _signs_agree(chosen, is_open, sign, b, spread)
         for j in range(n):
             if not abs(b[j] - middle) <= WILD * spread:
-                plain(t, y, is_open, b, work)
+                plain(t, y, is_open, b)
                 return solves, True
-        if agreed and not _exchange(t, y, labels, is_open, b, chosen, worst, worst_at, AGREED * spread):
+        if agreed and not _exchange(t, y, labels, is_open, b, chosen, work, worst_at, AGREED * spread):
             return solves, False
-    plain(t, y, is_open, b, work)
+    plain(t, y, is_open, b)
     return solves, True
 
 
@@ -189,16 +195,21 @@ def _signs_agree(chosen, is_open, sign, b, spread):
 
 
 @inner
-def _exchange(t, y, labels, is_open, b, chosen, worst, worst_at, tolerance):
-    """Let every abscissa choose its datum of largest excess; False if there is none."""
+def _exchange(t, y, labels, is_open, b, chosen, work, worst_at, tolerance):
+    """Let every abscissa choose its datum of largest excess over eq. (5); False if there is none."""
     n = b.shape[0]
+    worst, bent = work[0], work[1]
     for j in range(n):
         worst[j], worst_at[j] = tolerance, -1
+        bent[j] = min(second(b, j, is_open), 0.0)
     for i in range(t.shape[0]):
-        excess = y[i] - lower_bound(b, t[i], is_open)
+        h = cell_of(t[i], n - 1)
+        u = t[i] - h
+        w = 1.0 - u
+        low = w * b[h] + u * b[h + 1] + (w * w * w * bent[h] + u * u * u * bent[h + 1]) / 6.0
         j = nearest(t[i], n)
-        if excess > worst[j] and not labels[j]:
-            worst[j], worst_at[j] = excess, i
+        if y[i] - low > worst[j] and not labels[j]:
+            worst[j], worst_at[j] = y[i] - low, i
     found = False
     for j in range(n):
         if worst_at[j] >= 0:
@@ -208,7 +219,7 @@ def _exchange(t, y, labels, is_open, b, chosen, worst, worst_at, tolerance):
 
 
 @inner
-def plain(t, y, is_open, b, work):
+def plain(t, y, is_open, b):
     """Answer by the scheme that always ends: the largest datum of an interval at both its ends, then sec. 4."""
     n = b.shape[0]
     line = np.full(n, -np.inf)
@@ -219,4 +230,4 @@ def plain(t, y, is_open, b, work):
     for j in range(n):
         if line[j] == -np.inf:
             free[j], line[j] = True, 0.0
-    broken_line(line, free, is_open, b, work)
+    broken_line(line, free, is_open, b)

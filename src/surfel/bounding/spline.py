@@ -91,12 +91,14 @@ class SafeSpline(HeightSpline):
         Parameters
         ----------
         points : array_like of shape (k, 3), a cloud, or chunks
-            Points that the surface bounds: to name others makes what is remembered wrong.
+            Points that the surface bounds, bit for bit as they were given; they are found again however often the grid
+            has grown. To name others makes what is remembered wrong where that cannot be noticed.
 
         Raises
         ------
         InputError
-            If a micro-cell does not hold as many points, or none would be left.
+            If some cannot be among the points (beyond the grid, more in a micro-cell than it holds, beyond all that it
+            holds, or the last of a micro-cell while that of its largest residual was not named), or none would be left.
         """
         from surfel.bounding.evolve import without_points
 

@@ -23,9 +23,9 @@ from surfel.io.source import Source, open_source
 if TYPE_CHECKING:
     from surfel.bounding.spline import SafeSpline
 
-_KIND, _VERSION = "surfel safe spline", 1
+_KIND, _VERSION = "surfel safe spline", 2
 _MEMORY = "memory_"
-_FRAME = {"rotation": (3, 3), "low": (2,), "scale": (2,), "cells": (2,)}
+_FRAME = {"rotation": (3, 3), "low": (2,), "scale": (2,), "cells": (2,), "origin": (2,)}
 _CUT = "the file was cut or changed; write it again"
 _OTHER = "give a file that SafeSpline.save wrote"
 
@@ -109,6 +109,8 @@ def _spline_of(source: Source, arrays: dict[str, NDArray[Any]], words: dict[str,
     rows, columns = (int(count) for count in parts["cells"])
     if not (3 <= rows < 1 << 20 and 3 <= columns < 1 << 20 and (parts["scale"] > 0.0).all()):
         raise source.error(f"a grid of {rows} x {columns} cells, scale {parts['scale']}", "the array 'cells'", _CUT)
+    if not ((parts["origin"] >= 0) & (parts["origin"] < parts["cells"])).all():
+        raise source.error(f"the origin lies at cell {parts['origin']}", "the array 'origin'", _CUT)
     if not np.allclose(parts["rotation"] @ parts["rotation"].T, np.eye(3), atol=1e-12):
         raise source.error("the axes are not orthonormal", "the array 'rotation'", _CUT)
     coefficients = _checked(source, arrays, "coefficients", (rows + 3, columns + 3))
@@ -134,7 +136,7 @@ def _checked(
     if array is None or array.shape != shape:
         got = "absent" if array is None else f"of shape {array.shape}"
         raise source.error(f"the array {name!r} is {got}; expected shape {shape}", "zip", _CUT)
-    wanted = np.dtype(np.int64 if name == "cells" else kind)
+    wanted = np.dtype(np.int64 if name in ("cells", "origin") else kind)
     if array.dtype != wanted or (wanted.kind == "f" and not np.isfinite(array).all()):
         raise source.error(f"the array {name!r} is not finite or not {wanted}", f"the array {name!r}", _CUT)
     return array

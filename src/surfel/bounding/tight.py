@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from surfel.bounding.candidates import Rows, product
+from surfel.bounding.certify import raised
 from surfel.bounding.corners import corners_of, over_corners
 from surfel.bounding.energy import Tether, no_matrix
 from surfel.bounding.evaluate import values
@@ -38,13 +39,22 @@ TOLERANCE = 5e-3
 NEGLIGIBLE = 2e-3
 """Points that stand out by less than this share of the mean gap are left to the raise."""
 
+CHEAP = 5e-3
+"""All are left to it where it costs no more than this share of the mean gap: to let points join costs steps."""
+
 PROVEN = 0.975
 """Share of the mean gap below which the lower bound is sought anew, with next to no tether."""
+
+PROOF_LEFT = 0.01
+"""Share of the mean gap that the lower bound may be charged for what multipliers leave of the cost."""
+
+DAMPING = 0.03
+"""Weight of the damping of their steps."""
 
 PROOF = 0.03
 """Share of the tether that is left when only the multipliers are wanted."""
 
-TETHER = 3e-5
+TETHER = 1e-5
 """Price of a coefficient's distance from the surface to start from, in its mean gap: a coefficient with next to no
 weight at any point would otherwise run off for a gain that is next to nothing."""
 
@@ -84,12 +94,12 @@ def fit_tight(job: Job) -> Outcome:
     _arrive(job, walk, start)
     x = walk.x if _is_better(walk.x, start, cost) else start
     surface = job.scale.outward(job.unknowns.spread(x))
-    proven, y = _proven(job, walk.rows, walk.z, walk.y, cost)
+    proven, y = _proven(job, walk.rows, walk.z, walk.y, cost, level)
     if proven - level < PROVEN * (product(cost, x) - level):
         walk.loosen(PROOF)
         while walk.steps < MOST_STEPS and walk.left(BOX) > TOLERANCE and walk.step():
             pass
-        y = _proven(job, walk.rows, walk.z, walk.y, cost)[1]
+        y = _proven(job, walk.rows, walk.z, walk.y, cost, level)[1]
     return Outcome(surface, walk.steps, 0, (walk.rows, walk.z, y))
 
 
@@ -101,6 +111,8 @@ def _arrive(job: Job, walk: Walk, start: Floats) -> None:
         if looks and left <= looks[0]:
             first = looks.pop(0) == LOOKS[0]
             seen = compared(job, job.scale.outward(job.unknowns.spread(walk.x)))
+            if _raise_of(seen) <= CHEAP * job.scale.half * walk.gap:
+                continue
             excess = seen.largest / job.scale.half
             beyond = np.where(excess > NEGLIGIBLE * walk.gap, seen.height, -np.inf)
             uv, height = by_cells(seen.uv, beyond, job.split)
@@ -114,6 +126,11 @@ def _arrive(job: Job, walk: Walk, start: Floats) -> None:
             break
 
 
+def _raise_of(seen: Residuals) -> float:
+    """Return by how much the mean height of a surface grows if it is raised over all points."""
+    return seen.mean_value(raised(np.zeros(seen.weights.shape), seen.by_cell()))
+
+
 def _is_better(x: Floats, start: Floats, cost: Floats) -> bool:
     """Tell whether the interior method did its work: it may fail where rounding leaves the constraints no inside."""
     return bool(np.isfinite(x).all() and np.abs(x).max() <= TAME and product(cost, x) <= product(cost, start))
@@ -122,29 +139,30 @@ def _is_better(x: Floats, start: Floats, cost: Floats) -> bool:
 def dual_bound(job: Job, duals: Duals, residuals: Residuals) -> float:
     """Return a mean gap that no safe spline with coefficients within ten ranges of the middle goes below."""
     cost, level = job.unknowns.collect(residuals.mean_weights()), _level(job, residuals)
-    proven, _ = _proven(job, *duals, cost)
+    proven, _ = _proven(job, *duals, cost, level)
     return job.scale.half * max(proven - level, 0.0)  # no gap is negative
 
 
-def _proven(job: Job, rows: Rows, z: Floats, y: Floats, cost: Floats) -> tuple[float, Floats]:
+def _proven(job: Job, rows: Rows, z: Floats, y: Floats, cost: Floats, level: float) -> tuple[float, Floats]:
     """Return a mean height that no safe spline with coefficients within ten ranges of the middle goes below.
 
-    For multipliers y >= 0 of any points, every safe x has ``c.x >= y.z + (c - A^T y).x``. The multipliers of the
-    interior-point method are moved by a few weighted least-squares steps until ``c - A^T y`` is next to nothing; what
-    is left is charged with the box. They are returned too.
+    For multipliers y >= 0 of any points, every safe x has ``c.x >= y.z + (c - A^T y).x``; what is left of
+    ``c - A^T y`` is charged with the box. The multipliers of the interior-point method are moved by a few weighted
+    least-squares steps until that is little. The steps are damped by what is left: so hardly a multiplier would have to
+    fall below zero, where the points of a coefficient cannot bear its cost. The multipliers are returned too.
     """
     best, kept, before = -np.inf, y, np.inf
     for _ in range(8):
         left = cost - rows.transposed_times(y)
-        charge = BOX * float(np.abs(left).sum())
-        if product(y, z) - charge > best:
-            best, kept = product(y, z) - charge, y
-        if charge <= 1e-9 or charge > 0.5 * before:
+        charge, value = BOX * float(np.abs(left).sum()), product(y, z)
+        if value - charge > best:
+            best, kept = value - charge, y
+        if charge <= PROOF_LEFT * (value - level) or charge > 0.9 * before:
             break
         before = charge
         band = no_matrix(job.unknowns)
         rows.add_normal(y, band)
-        band[:, -1 - PAD] += 1e-15 + 1e-12 * band[:, -1 - PAD]
+        band[:, -1 - PAD] += DAMPING * np.abs(left) + 1e-15
         if not factorize(band):
             break
         solve(band, left)

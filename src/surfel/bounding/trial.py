@@ -58,7 +58,7 @@ def trial_and_error(
 def _trial(t, y, labels, is_open, b):
     n = b.shape[0]
     chosen, sign = np.full(n, -1, np.int64), np.ones(n)
-    rows, work = np.empty((n, COLUMNS)), np.empty((5, n))
+    rows = np.empty((n, COLUMNS))
     low, high, known = np.inf, -np.inf, 0
     for i in range(t.shape[0]):
         low, high = min(low, y[i]), max(high, y[i])
@@ -82,7 +82,7 @@ def _trial(t, y, labels, is_open, b):
         if chosen[j] == worst:
             break
         chosen[j] = worst
-    plain(t, y, is_open, b, work)
+    plain(t, y, is_open, b)
     return solve, True
 
 

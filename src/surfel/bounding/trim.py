@@ -11,13 +11,9 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from surfel.bounding.occupancy import HIGH, LEFT, LOW, RIGHT, WHOLE, Quarters, outside
+from surfel.bounding.occupancy import HIGH, LEFT, LOW, RIGHT, Quarters, outside, trim_into
 from surfel.core.cast import Floats
-
-_AT_CORNER = {(0, 0): LEFT | LOW, (1, 0): RIGHT | LOW, (0, 1): LEFT | HIGH, (1, 1): RIGHT | HIGH}
-"""The quarters at each corner of a cell: what the diagonal past the corner cuts off."""
 
 _TRIANGLES = {
     LEFT: ((0, 0), (1, 1), (0, 2)),
@@ -48,36 +44,9 @@ def trimmed(occupancy: Quarters) -> Quarters:
     array([[15,  6],
            [15, 15]], dtype=uint8)
     """
-    kept = ~outside(occupancy)
-    bound = _bound_points(kept)
-    corners = {(i, j): bound[i : i + kept.shape[0], j : j + kept.shape[1]] for i, j in _AT_CORNER}
-    count = sum(corner.astype(np.int64) for corner in corners.values())
-    trim = np.where(count == 4, WHOLE, 0)
-    for place, quarters in _AT_CORNER.items():
-        trim[(count == 3) & ~corners[place]] = WHOLE & ~quarters
-    return _without_bare_corners(trim.astype(np.uint8), occupancy)
-
-
-def _bound_points(kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which grid points are not free, shape (n, m): some cell round them is kept."""
-    rows, columns = kept.shape
-    points = np.zeros((rows + 1, columns + 1), bool)
-    for i, j in _AT_CORNER:
-        points[i : i + rows, j : j + columns] |= kept
-    return points
-
-
-def _without_bare_corners(trim: Quarters, occupancy: Quarters) -> Quarters:
-    """Cut the corners that jut out: without data, and with nothing beside them over either of their two edges."""
-    around = np.zeros((trim.shape[0] + 2, trim.shape[1] + 2), np.uint8)
-    around[1:-1, 1:-1] = trim
-    cut = trim.copy()
-    for (i, j), quarters in _AT_CORNER.items():
-        beside_u = around[2 * i : 2 * i + trim.shape[0], 1:-1]
-        beside_v = around[1:-1, 2 * j : 2 * j + trim.shape[1]]
-        bare = (trim == WHOLE) & (occupancy > 0) & (occupancy & quarters == 0) & (beside_u == 0) & (beside_v == 0)
-        cut[bare] &= np.uint8(WHOLE & ~quarters)
-    return cut
+    kept = np.empty(occupancy.shape, np.uint8)
+    trim_into(np.array(occupancy), outside(occupancy), kept)
+    return kept
 
 
 def kept_share(trim: Quarters) -> Floats:
