@@ -137,6 +137,11 @@ def _area_of_cloud(surface: CloudSurface, counted: LineResult | None) -> Estimat
             f"what reads as noise of {local.noise:.2f} spacings is two sheets nearer to each other than the points of "
             "one, a thin plate or scans laid over each other: the area is that of about one of them"
         )
+    elif surface.thin:
+        reasons.append(
+            "points whose normals face away from each other lie nearer than half a spacing, as those of the two sides "
+            "of a thin plate do: the area is that of about one of them"
+        )
     elif points >= HALVES_FROM and surface.crowded:
         reasons.append(
             "sheets lie nearer to each other than about two spacings of their points, which without normals cannot be "

@@ -20,7 +20,7 @@ from surfel.index.bvh import TriangleBvh
 from surfel.lines.bundles import Bundles
 from surfel.shapes.bulge import Bulge, bulge_of
 from surfel.shapes.sheets import CloudCrossings, crossings_of
-from surfel.surface.close_sheets import SHARE_FITTED, faces_one_way, has_close_sheets
+from surfel.surface.close_sheets import SHARE_FITTED, faces_one_way, has_close_sheets, is_thin_plate
 from surfel.surface.fans import STAR, Fans, build_fans
 from surfel.surface.neighbourhoods import Neighbourhoods, cleaned
 from surfel.surface.noise import is_two_sheets
@@ -103,6 +103,15 @@ class CloudSurface:
         """Whether what reads as noise is two sheets of points nearer to each other than their spacing."""
         hood, noise = self._cleaned[0], self.noise
         return hood is not None and self._once("two_sheets", lambda: is_two_sheets(hood.index, noise))
+
+    @property
+    def thin(self) -> bool:
+        """Whether the given normals tell two sides of a plate, too near to each other for both to be measured."""
+        hood, local, normals = self._cleaned[0], self.local, self.trusted.normals
+        if hood is None or local is None or normals is None or local.sheets:
+            return False
+        given, layers = normals[hood.rows], local.layers
+        return self._once("thin", lambda: is_thin_plate(hood, given) or (layers and not faces_one_way(hood, given)))
 
     @property
     def is_overlay(self) -> bool:

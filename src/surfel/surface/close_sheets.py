@@ -16,7 +16,11 @@ SHARE = 0.15
 SHARE_FITTED = 0.06
 """The same for normals that were fitted: with more of them, points of one sheet were taken for those of the other."""
 
+BACKS = 0.15
+"""So many of the nearest neighbours turn their back, where most points belong to a plate."""
+
 _NEAR = 12  # neighbours that are asked: those that tell the spacing
+_NEAREST = 6
 
 
 def has_close_sheets(hood: Neighbourhoods, normals: Floats, share: float = SHARE) -> bool:
@@ -49,6 +53,28 @@ def faces_one_way(hood: Neighbourhoods, normals: Floats) -> bool:
     """
     same, other, _ = _counted(hood, normals)
     return bool(same > 0.9 * (same + other))
+
+
+def is_thin_plate(hood: Neighbourhoods, normals: Floats) -> bool:
+    """Tell whether nearest neighbours with opposite normals lie behind each other: two sides, however thin.
+
+    Where signs are not known, as many of them lie in front of each other.
+
+    Parameters
+    ----------
+    hood : Neighbourhoods
+        Of the points.
+    normals : Floats, shape (n, 3)
+        In the order of ``hood``, with the signs that were given.
+    """
+    chosen = sample_rows(hood.points, SAMPLE)
+    near = hood.near[chosen, :_NEAREST]
+    own, other = normals[chosen][:, None], normals[near]
+    step = hood.points[near] - hood.points[chosen][:, None]
+    opposite = (own * other).sum(axis=2) < -0.9
+    ahead, back = (step * own).sum(axis=2), -(step * other).sum(axis=2)
+    behind, before = (opposite & (ahead < 0.0) & (back < 0.0)).sum(), (opposite & (ahead > 0.0) & (back > 0.0)).sum()
+    return bool(behind > BACKS * opposite.size and behind > 9 * before)
 
 
 def _counted(hood: Neighbourhoods, normals: Floats) -> tuple[float, float, int]:

@@ -19,9 +19,11 @@ from surfel.surface.cells import FACET, UNCOVERED, Cells, clip_cells, reach_of
 from surfel.surface.close_sheets import has_close_sheets
 from surfel.surface.denoise import Denoised, denoise, matters
 from surfel.surface.flattened import restored
+from surfel.surface.layers import layers_level
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.noise import noise_level
 from surfel.surface.normals import fitted_normals
+from surfel.surface.rounding import rounding_level
 from surfel.surface.steps import DENIED_BELOW, given_level, step_level
 from surfel.surface.twist import LOOSE, STRICT, largest_twist
 from surfel.surface.uneven_noise import uneven_level
@@ -74,6 +76,8 @@ class LocalPatches:
         Whether noise was taken off.
     sheets : bool
         Whether the given normals told close sheets from noise.
+    layers : bool
+        Whether points lie above each other, as those of scans do that do not quite fit.
     """
 
     hood: Neighbourhoods
@@ -86,6 +90,7 @@ class LocalPatches:
     random_border: bool
     projected: bool
     sheets: bool = False
+    layers: bool = False
     falls: float = 0.0
     restored: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
@@ -126,30 +131,37 @@ def local_patches(
     LocalPatches
         In the order of its neighbourhoods.
     """
-    level = noise
+    level, layers = noise, False
     if level is None:
-        level, sheets = _level(hood, normals)
+        level, sheets, layers = _level(hood, normals)
         level, falls = uneven_level(hood, level)
     if matters(level, hood.order):
         smooth = denoise(hood, level, falls)
-        return replace(_patches_of(smooth.hood, smooth.normals, level, star, smooth), falls=falls)
+        found = _patches_of(smooth.hood, smooth.normals, level, star, smooth)
+        return replace(found, falls=falls, layers=layers)
     known = None if normals is None else normals[hood.rows]
     return _patches_of(hood, known, level, star, sheets=sheets)
 
 
-def _level(hood: Neighbourhoods, normals: Floats | None) -> tuple[float, bool]:
-    """Return the noise of the points, and whether good normals tell sheets that lie closer than their points.
+def _level(hood: Neighbourhoods, normals: Floats | None) -> tuple[float, bool, bool]:
+    """Return the noise of the points, whether good normals tell sheets that lie closer than their points, and whether
+    there are layers.
 
-    Such sheets look like noise, which good normals deny.
+    Such sheets look like noise, which good normals deny. They do not deny what is known of the points alone: that they
+    were rounded, or lie above each other.
     """
     level, steps = noise_level(hood.index), step_level(hood)
-    level = steps if steps > 0.0 and level < DENIED_BELOW else max(level, steps)
+    layers = layers_level(hood)
+    known = max(rounding_level(hood), layers)
+    level = max(known, steps if steps > 0.0 and level < DENIED_BELOW else max(level, steps))
     if normals is None:
-        return level, False
+        return level, False, layers > 0.0
     given = given_level(hood, normals[hood.rows])
     if given >= DENIED_BELOW:
-        return level, False
-    return min(level, given), has_close_sheets(hood, normals[hood.rows])
+        return level, False, layers > 0.0
+    if has_close_sheets(hood, normals[hood.rows]):
+        return min(level, given), True, False
+    return min(level, max(given, known)), False, layers > 0.0
 
 
 def _patches_of(
