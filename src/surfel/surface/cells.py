@@ -24,6 +24,9 @@ REACH_RANDOM, REACH_REGULAR = 2.5, 2.1
 """Largest circumradius, in spacings, of a triangle that still belongs to the surface, where points lie at random and
 where they lie in good order: a gap that is common among random points is a hole among regular ones."""
 
+JUMP = 1.8
+"""How many times farther apart the points beyond a jump of density lie, as where one more scan begins."""
+
 SHIFT = 0.02
 """How far, in spacings, an open point is moved inward when it is asked whether the others cover its place."""
 
@@ -166,7 +169,12 @@ def _clip_all(
         ox, oy, oz = points[i, 0], points[i, 1], points[i, 2]
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
         ex, ey, ez, fx, fy, fz = tangent_frame(nx, ny, nz)
-        half = 1.5 * reach * h
+        wide = h  # beside a jump of density triangles are as large as the points of the sparser side make them
+        if final:
+            for a in range(k):
+                wide = max(wide, spacing[neighbours[row, a]])
+            wide = wide if wide > JUMP * h else h
+        half = 1.5 * reach * wide
         base, corners = 0, 4
         px[0], py[0], px[1], py[1] = -half, -half, half, -half
         px[2], py[2], px[3], py[3] = half, half, -half, half
@@ -263,8 +271,8 @@ def _clip_all(
             closed[i] = joined[i] = 0
             uncovered[i] = UNCOVERED
             continue
-        cap2 = (reach * h) * (reach * h)
-        is_closed = reach2 <= cap2
+        own2 = cap2 = (reach * h) * (reach * h)
+        is_closed = reach2 <= own2 or wide > h
         total = 0.0
         sum_rough = sum_t = sum_t2 = 0.0
         sides = held = tilts = bits = 0
@@ -275,6 +283,10 @@ def _clip_all(
                 continue
             sides += 1
             d = c + 1 if c + 1 < base + corners else base
+            if wide > h:
+                beside = max(spacing[who[first]], spacing[who[edge[d]]] if edge[d] >= 0 else h)
+                cap2 = (reach * reach) * (beside * beside if beside > JUMP * h else h * h)
+                is_closed = is_closed and px[d] * px[d] + py[d] * py[d] <= cap2
             within = min(px[c] * px[c] + py[c] * py[c], px[d] * px[d] + py[d] * py[d]) <= cap2
             if within:  # sides farther off depend on how the square that was clipped happens to be turned
                 held += 1
@@ -311,7 +323,7 @@ def _clip_all(
             curved[i] = 0.215 * min(max(0.0, sum_t2 / tilts - mean * mean - 2.0 * mean_rough), 0.1)
         flags = FACET if abs(wi[0]) + abs(wj[0]) <= 1e-6 * h else 0
         if not is_closed and (final or secure[i] == 1):
-            flags |= _uncovered(u, v, np.int64(accepted), h, cap2)
+            flags |= _uncovered(u, v, np.int64(accepted), h, own2)
         uncovered[i] = flags
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from surfel.core.cast import Floats
 from surfel.core.execute import blocks
 from surfel.surface.border import along_border, border_share, in_crease, nearby_cells, unevenness
-from surfel.surface.cells import FACET, UNCOVERED, Cells, clip_cells, reach_of
+from surfel.surface.cells import FACET, JUMP, UNCOVERED, Cells, clip_cells, reach_of
 from surfel.surface.close_sheets import has_close_sheets
 from surfel.surface.denoise import Denoised, denoise, matters
 from surfel.surface.flattened import restored
@@ -31,8 +31,9 @@ from surfel.surface.uneven_noise import uneven_level
 SHARED = 1.4
 """How much farther the points of one of two close sheets lie apart than the spacing, which counts those of both."""
 
-FAR = 64
-"""Neighbours that cells are asked again with where the nearest do not settle them."""
+FAR, BEYOND = 64, 128
+"""Neighbours that cells are asked again with where the nearest do not settle them; and where, besides, points lie denser
+than those that come next."""
 
 FINE_RELIEF_GIVEN, FINE_RELIEF_FITTED = 0.75, 1.0
 """How much of the roughness that the normals show between points counts. Given normals show all of it, some of which
@@ -230,24 +231,29 @@ def _upright(normals: Floats) -> Floats:
 def _settled_cells(
     hood: Neighbourhoods, normals: Floats, star: int, proof: int, twist: float, through: int, noise: float
 ) -> Cells:
-    """Clip every cell by its near neighbours, then those that farther ones might change by more of them."""
+    """Clip every cell by its near neighbours, then those that farther ones might change by more of them.
+
+    Beside a jump of density most neighbours of a point lie on its own side; what is left open there is asked again.
+    """
     n, k = hood.near.shape
     reach = reach_of(hood.order) * (SHARED if twist == STRICT else 1.0)
     cells = Cells.empty(n, star)
-    everyone = np.arange(n, dtype=np.int32)
-    few = k == n - 1
-    near, spacing = hood.near, hood.spacing
-    clip_cells(
-        cells, hood.points, normals, near, spacing, everyone, near, reach, proof,
-        final=few, twist=twist, through=through, noise=noise,
-    )  # fmt: skip
-    if not few:
-        for rows in _in_blocks(np.flatnonzero(cells.secure == 0).astype(np.int32)):
-            wide = hood.index.knn(min(FAR, n - 1), rows)[1]
-            clip_cells(
-                cells, hood.points, normals, near, spacing, rows, wide, reach, proof,
-                final=True, twist=twist, through=through, noise=noise,
-            )  # fmt: skip
+
+    def clip(rows: NDArray[np.int32], neighbours: NDArray[np.int32], *, final: bool) -> None:
+        clip_cells(
+            cells, hood.points, normals, hood.near, hood.spacing, rows, neighbours, reach, proof,
+            final=final, twist=twist, through=through, noise=noise,
+        )  # fmt: skip
+
+    clip(np.arange(n, dtype=np.int32), hood.near, final=k == n - 1)
+    if k == n - 1:
+        return cells
+    for rows in _in_blocks(np.flatnonzero(cells.secure == 0).astype(np.int32)):
+        clip(rows, hood.index.knn(min(FAR, n - 1), rows)[1], final=True)
+    for rows in _in_blocks(np.flatnonzero(cells.closed == 0).astype(np.int32)):
+        wide = hood.index.knn(min(BEYOND, n - 1), rows)[1]
+        beside = hood.spacing[wide].max(axis=1) > JUMP * hood.spacing[rows]
+        clip(rows[beside], wide[beside], final=True)
     return cells
 
 
