@@ -28,7 +28,7 @@ def test_no_points_are_an_empty_array(empty):
     "bad",
     [
         np.zeros(3), np.zeros((4, 2)), np.zeros((2, 2, 3)), np.empty((0, 5)), [[0, 1, 2], [0, 1]], "abc",
-        [["a", "b", "c"]], np.zeros((4, 3), complex), None, {"x": 1}, np.zeros((2, 3), "M8[s]"),
+        [["a", "b", "c"]], np.zeros((4, 3), complex), None, {"x": 1}, np.zeros((2, 3), "M8[s]"), [[1, 2, 10**400]],
     ],
 )  # fmt: skip
 def test_what_is_no_array_of_points_is_refused(bad):
@@ -43,6 +43,16 @@ def test_the_refusal_of_rows_that_are_not_finite_counts_them_and_names_the_cure(
         cast.as_points(points, "places")
     assert isinstance(caught.value, ValueError) and isinstance(caught.value, SurfelError)
     assert cast.as_points(points, finite=False) is points
+
+
+def test_what_a_masked_array_hides_is_no_number():
+    seen = np.ma.array(np.arange(12).reshape(4, 3), mask=False)
+    assert cast.as_points(seen).tolist() == np.arange(12.0).reshape(4, 3).tolist()
+    hidden = np.ma.masked_equal(np.arange(12).reshape(4, 3), 7)
+    with pytest.raises(InputError, match=r"points has 1 rows that are not finite \(the first is row 2\)"):
+        cast.as_points(hidden)
+    points = cast.as_points(hidden, finite=False)
+    assert type(points) is np.ndarray and np.isnan(points).sum() == 1 and np.isnan(points[2, 1])
 
 
 def test_rows_and_vectors_have_the_size_asked_for():

@@ -219,3 +219,12 @@ def test_the_registry_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("path", [None, 5, surfel.Surfels(np.zeros((3, 3)))])
+def test_what_is_no_file_name_cannot_be_written_to(tmp_path, path):
+    with pytest.raises(InputError, match="path must be a file name; got"):
+        surfel.write(path, surfel.Surfels(np.zeros((3, 3))))
+    surfel.write(tmp_path / "a.ply", np.zeros((3, 3)))
+    with pytest.raises(InputError, match="path must be a file name; got"):
+        surfel.convert(tmp_path / "a.ply", path)

@@ -124,6 +124,9 @@ def _as_float_array(value: ArrayLike, name: str) -> Floats:
         array = np.asarray(value)
         if array.dtype.kind in "cSUMm":
             raise TypeError(f"type {array.dtype}")
-        return array.astype(np.float64, copy=False)
-    except (TypeError, ValueError) as error:
+        array = array.astype(np.float64, copy=False)
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name} must be an array of real numbers; got {type(value).__name__} ({error})") from error
+    if isinstance(value, np.ndarray) and hasattr(value, "filled"):  # what a masked array hides is no number
+        return np.where(np.ma.getmaskarray(value), np.nan, array)
+    return array

@@ -149,7 +149,10 @@ def format_for_writing(path: str | PathLike[str], to: str | None = None) -> tupl
     InputError
         If no format with that suffix can be written.
     """
-    name = PurePath(os.fsdecode(path)).name
+    try:
+        name = PurePath(os.fsdecode(path)).name
+    except TypeError as error:
+        raise InputError(f"path must be a file name; got {type(path).__name__} ({error})") from error
     suffix = PurePath(name).suffix.lower()
     if to is not None:
         suffix = "." + str(to).lower().removeprefix(".")
