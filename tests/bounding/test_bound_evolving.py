@@ -90,6 +90,16 @@ def test_a_new_fit_gains_after_a_spike_is_gone():
     assert fresh.report.gap_mean < 2.0 * surfel.bound(rest).report.gap_mean
 
 
+def test_fits_in_a_row_do_not_drift_away_from_the_points():
+    points = cloud(6000, 8)
+    live, rest = np.arange(3000), np.arange(3000, 6000)
+    lid = surfel.bound(points).removed(points[rest])
+    for _ in range(10):
+        lid = lid.inserted(points[rest[:300]]).removed(points[live[:300]]).refitted()
+        live, rest = np.concatenate([live[300:], rest[:300]]), np.concatenate([rest[300:], live[:300]])
+    assert check_safe(lid, points[live]) < 1.6 * surfel.bound(points[live]).report.gap_mean
+
+
 def test_the_difference_of_two_times():
     points = cloud(3000, 5)
     before, after = surfel.bound(points), surfel.bound(points + [0.0, 0.0, 0.25], shape=(15, 18))

@@ -213,6 +213,40 @@ def test_what_cannot_have_been_given_is_refused():
     assert lid.removed(points[alone : alone + 1]).report.points == 39
 
 
+def test_a_point_that_came_back_counts_as_there():
+    lid = surfel.bound(np.random.default_rng(1).random((40, 3)), shape=(5, 5))
+    bare = np.argwhere(lid.memory.count == 0)[:1]
+    place = lid.frame.to_world((bare + 0.5) / lid.memory.split, 0.0)
+    top, low = place + [0.0, 0.0, 5.0], place + [1e-3, 0.0, 4.0]
+    lid = lid.inserted(np.concatenate([top, low]))
+    here = micro_cells(lid, (4, 4), top)
+    assert micro_cells(lid, (4, 4), low) == here
+    assert np.stack(here, axis=1).tolist() == bare.tolist() and lid.memory.count[here] == 2
+    left = lid.removed(top)
+    assert left.memory.gone[here].all()
+    assert left.removed(low).memory.count[here] == 0  # the worst point went before
+    back = left.inserted(top)
+    assert not back.memory.gone[here].any()
+    with pytest.raises(surfel.InputError, match="not among"):
+        back.removed(np.concatenate([low, low]))
+
+
+def test_steep_places_stay_safe_when_many_cells_come_before_them():
+    # old coordinates are rounded to fewer bits then, and on a slope that moves the surface by more than its own slack
+    rng = np.random.default_rng(2)
+    x, y = np.meshgrid(np.linspace(0.0, 1.0, 40), np.linspace(0.0, 1.0, 40))
+    points = np.column_stack([x.ravel(), y.ravel(), np.sin(30.0 * x.ravel())])
+    lid = surfel.bound(points, shape=(20, 20))
+    new = np.column_stack([rng.random((400, 2)), np.zeros(400)])
+    new[:, 2] = lid(new) + 1e-6
+    lid = lid.inserted(new)
+    both = np.concatenate([points, new, [[-100.0, 0.5, 0.0]], [[0.5, -50.0, 0.0]]])
+    for far in both[-2:]:
+        lid = lid.inserted(far[None])
+    assert lid.shape > (1900, 900)
+    assert lid.verify(both) == (0, 0.0)
+
+
 @pytest.mark.parametrize("seed", range(36))
 def test_random_clouds_come_and_go(seed, tmp_path):
     come_and_go(seed, 12, tmp_path / "lid.npz")

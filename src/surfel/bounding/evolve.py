@@ -31,8 +31,10 @@ def with_points(spline: SafeSpline, points: Any) -> SafeSpline:
     memory, sign, new = _memory_of(spline), _sign(spline), _usable(points)
     if len(new) == 0:
         return spline
-    spline, memory = grown(spline, memory, Places.of(new, spline.frame, memory.cells))
     places = Places.of(new, spline.frame, memory.cells)
+    if not places.within(spline.frame):
+        spline, memory = grown(spline, memory, places)
+        places = Places.of(new, spline.frame, memory.cells)
     surface = _inserted(spline, places, sign)
     tally = Tally.of(places, spline.frame, memory, sign)
     higher = tally.largest > memory.largest

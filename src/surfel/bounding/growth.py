@@ -23,8 +23,6 @@ def grown(spline: SafeSpline, memory: Memory, places: Places) -> tuple[SafeSplin
     frame = spline.frame
     before = np.maximum(-places.cell.min(axis=0), 0.0)
     after = np.maximum(places.cell.max(axis=0) - (frame.cells - 1), 0.0)
-    if not (before.any() or after.any()):
-        return spline, memory
     cells = frame.cells + before + after
     if not (cells <= MOST_CELLS).all():
         raise InputError(

@@ -20,11 +20,14 @@ from surfel.core.cast import Floats
 
 
 def fitted_to(memory: Memory, spline: SafeSpline, sign: float) -> tuple[SafeSpline, Memory]:
-    """Return a new surface over the remembered points, as close as mode ``fast``, and the memory beside its reference.
+    """Return a new surface over the remembered points, as close as mode ``fast``, and what is remembered from now on.
 
     All points of a micro-cell lie on the safe side of the old reference plus the micro-cell's limit. Beside a new
     reference that limit grows at most by the largest difference of both references there, which the difference's
     Bezier net over the micro-cell bounds. The surface over these is safe.
+
+    Remembered are the old reference and limits, so that differences do not add up from fit to fit; but the new ones
+    once the grid has grown, because there the old reference only goes on as it was at the border.
     """
     clamped = spline.boundary == "clamped"
     uv, height = _highest(memory, spline, sign)
@@ -40,7 +43,8 @@ def fitted_to(memory: Memory, spline: SafeSpline, sign: float) -> tuple[SafeSpli
     smallest = float((values(surface, uv) - height).max())
     limit = max(smallest, spline.report.gap_max + float(np.abs(surface - sign * spline.coefficients).max()))
     report = replace(spline.report, gap_max=limit, rounds=rounds + 2, slack=first + slack, fallbacks=fallbacks + lifts)
-    memory = replace(memory, reference=sign * reference, largest=largest)
+    if (memory.cells != spline.frame.cells).any():
+        memory = replace(memory, reference=sign * reference, largest=largest)
     return replace(spline, coefficients=sign * surface, report=report), memory
 
 
