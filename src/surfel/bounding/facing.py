@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from surfel._numba import rows, threads_for
-from surfel.bounding.evaluate import cell_of, slopes, weights
+from surfel.bounding.evaluate import cell_of
 from surfel.bounding.frame import Frame, project
+from surfel.bounding.lanes import cell_slopes
 from surfel.bounding.rays import Hits
 from surfel.core.cast import Floats
 
@@ -61,23 +62,15 @@ def _in_domain(first, last, p, d, f, placed, turned):
 @rows
 def _cosines(first, last, b, origins, directions, offsets, t, axes, side, out):
     n, m = b.shape[0] - 3, b.shape[1] - 3
+    ux, uy, uz = axes[0, 0] / 36.0, axes[0, 1] / 36.0, axes[0, 2] / 36.0
+    vx, vy, vz = axes[1, 0] / 36.0, axes[1, 1] / 36.0, axes[1, 2] / 36.0
+    wx, wy, wz = axes[2, 0], axes[2, 1], axes[2, 2]
     for line in range(first, last):
         du, dv, dw = directions[line, 0], directions[line, 1], directions[line, 2]
         for i in range(offsets[line], offsets[line + 1]):
             u = min(max(origins[line, 0] + t[i] * du, 0.0), float(n))
             v = min(max(origins[line, 1] + t[i] * dv, 0.0), float(m))
             h, k = cell_of(u, n), cell_of(v, m)
-            wu, su, wv, sv = weights(u - h), slopes(u - h), weights(v - k), slopes(v - k)
-            f_u = f_v = 0.0
-            for a in range(4):
-                row = slope = 0.0
-                for c in range(4):
-                    row += wv[c] * b[h + a, k + c]
-                    slope += sv[c] * b[h + a, k + c]
-                f_u += su[a] * row
-                f_v += wu[a] * slope
-            f_u, f_v = f_u / 36.0, f_v / 36.0
-            square = 0.0
-            for axis in range(3):
-                square += (f_u * axes[0, axis] + f_v * axes[1, axis] + axes[2, axis]) ** 2
-            out[i] = side * (dw - f_u * du - f_v * dv) / np.sqrt(square)
+            f_u, f_v = cell_slopes(b, h, k, u - h, v - k)
+            x, y, z = f_u * ux + f_v * vx + wx, f_u * uy + f_v * vy + wy, f_u * uz + f_v * vz + wz
+            out[i] = side * (dw - (f_u * du + f_v * dv) / 36.0) / np.sqrt(x * x + y * y + z * z)

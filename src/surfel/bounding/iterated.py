@@ -20,6 +20,7 @@ from surfel.bounding.lanes import there_and_back
 from surfel.bounding.normal import Unknowns, unknowns_of
 from surfel.bounding.products import Products, solve_product
 from surfel.bounding.reference import STRETCHING, least_squares
+from surfel.bounding.refinement import refined
 from surfel.core.cast import Floats, Integers
 
 COARSER = 4.0
@@ -62,33 +63,7 @@ def start_coarse(uv: Floats, z: Floats, unknowns: Unknowns, boundary: str, bendi
     else:
         x = start_coarse(uv, z, fewer, boundary, bending)
         x = Steps.of(uv, z, fewer, bending).from_(x, np.full(len(z), 1.0 / len(z)))
-    along_u, along_v = (_refinement(n, of, boundary) for n, of in zip(shape, small, strict=True))
-    return unknowns.gather(_between(along_u, fewer.spread(x), np.ascontiguousarray(along_v.T)))
-
-
-def _between(left: Floats, x: Floats, right: Floats) -> Floats:
-    """Return the product of three small matrices: on one thread, where numpy would wake others."""
-    half, out = np.zeros((len(left), x.shape[1])), np.zeros((len(left), right.shape[1]))
-    _add_product(left, x, half)
-    _add_product(half, right, out)
-    return out
-
-
-def _refinement(n: int, small: int, boundary: str) -> Floats:
-    """Return the matrix that makes coefficients along a side of n from those along a side of fewer."""
-    place = np.minimum(np.arange(float(n)) * ((small - 1) / (n - 1)), small - 1.0)
-    f = np.zeros((n, small + 2))
-    _weigh_places(place, f)
-    wide = _longer(f)
-    f = (8.0 * f - wide[:-2] - wide[2:]) / 6.0  # the coefficients of a cubic from its values
-    return np.concatenate([f[:1], f, f[-1:]]) if boundary == "clamped" else _longer(f)
-
-
-def _longer(f: Floats) -> Floats:
-    """Return rows with one more at each end, as a parabola goes on: a cubic would make more of noise."""
-    first = 3.0 * f[:1] - 3.0 * f[1:2] + f[2:3]
-    last = 3.0 * f[-1:] - 3.0 * f[-2:-1] + f[-3:-2]
-    return np.concatenate([first, f, last])
+    return unknowns.gather(refined(fewer.spread(x), shape, boundary))
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,44 +135,36 @@ def side_of(width):
     return (width + 3) // 4 * 4
 
 
-@kernel
-def _weigh_places(place, f):
-    for i in range(place.shape[0]):
-        cell = cell_of(place[i], f.shape[1] - 3)
-        row = weights(place[i] - cell)
-        for k in range(4):
-            f[i, cell + k] = row[k] / 6.0
-
-
-@kernel
-def _add_product(a, b, out):
-    for i in range(a.shape[0]):
-        for k in range(a.shape[1]):
-            if a[i, k] != 0.0:
-                for j in range(b.shape[1]):
-                    out[i, j] += a[i, k] * b[k, j]
-
-
 @inner
-def _spread_and_collect(place, weights, factor, z, along_u, along_v, x, full, sums, out):
-    # A^T W (A x - z), and the sum of squares. Unknowns are spread to coefficients, sums over these collected again.
-    # Grid g of the sums holds what cells in columns k with k % 4 = g give: no block lies across another's border.
+def _there_and_back(place, weights, factor, z, along_u, along_v, x, full, sums, out):
+    # A^T W (A x - z), and the sum of squares. Under a boundary rule unknowns are spread to coefficients before, and
+    # sums over these collected. Grid g of the sums holds what cells in columns k with k % 4 = g give: so no block lies
+    # across another's border.
     n, m, step = full.shape[0], full.shape[1], sums.shape[2]
-    for i in range(n):
-        for j in range(m):
-            full[i, j] = x[along_u[i], along_v[j]]
-    sums[:], out[:] = 0.0, 0.0
-    flat, into, along, squares = full.ravel(), sums.ravel(), weights.ravel(), 0.0
+    if x.shape == full.shape:
+        flat = x.ravel()
+    else:
+        for i in range(n):
+            for j in range(m):
+                full[i, j] = x[along_u[i], along_v[j]]
+        flat = full.ravel()
+    sums[:] = 0.0
+    into, along, squares = sums.ravel(), weights.ravel(), 0.0
     for i in range(factor.shape[0]):
         value = there_and_back(flat, place[i, 0], m, along, 8 * i, z[i], factor[i], into, place[i, 1], step)
         squares += factor[i] * value * value
+    total = out if x.shape == full.shape else full
     for i in range(n):
-        row = out[along_u[i]]
-        for g in range(4):
-            for j in range(m - g):
-                full[0, j + g] = sums[g, i, j] if g == 0 else full[0, j + g] + sums[g, i, j]
         for j in range(m):
-            row[along_v[j]] += full[0, j]
+            total[i, j] = sums[0, i, j]
+        for g in range(1, 4):
+            for j in range(m - g):
+                total[i, j + g] += sums[g, i, j]
+    if x.shape != full.shape:
+        out[:] = 0.0
+        for i in range(n):
+            for j in range(m):
+                out[along_u[i], along_v[j]] += full[i, j]
     return squares
 
 
@@ -208,13 +175,12 @@ def _conjugate_gradients(place, weights, z, weight, along_u, along_v, side_u, si
     full = np.empty((along_u.shape[0], along_v.shape[0]))
     sums = np.empty((4, full.shape[0], side_of(full.shape[1])))
     residual, better, image, step = np.empty((n, m)), np.empty((n, m)), np.empty((n, m)), np.zeros((n, m))
-    turned, energy, nothing = np.empty((m, n)), np.empty((n, m)), np.zeros(z.shape[0])
-    squares = _spread_and_collect(place, weights, weight, z, along_u, along_v, x, full, sums, image)
-    energy[:] = 0.0
-    add_bending(x, bending, energy)
+    turned, nothing = np.empty((m, n)), np.zeros(z.shape[0])
+    squares = _there_and_back(place, weights, weight, z, along_u, along_v, x, full, sums, image)
+    add_bending(x, bending, image)
     for i in range(n):
         for j in range(m):
-            residual[i, j] = -(image[i, j] + energy[i, j] + STRETCHING * x[i, j])
+            residual[i, j] = -(image[i, j] + STRETCHING * x[i, j])
     before = 0.0
     for _ in range(MOST_STEPS):
         better[:] = residual
@@ -231,13 +197,12 @@ def _conjugate_gradients(place, weights, z, weight, along_u, along_v, side_u, si
         for i in range(n):
             for j in range(m):
                 step[i, j] = better[i, j] + share * step[i, j]
-        _spread_and_collect(place, weights, weight, nothing, along_u, along_v, step, full, sums, image)
-        energy[:] = 0.0
-        add_bending(step, bending, energy)
+        _there_and_back(place, weights, weight, nothing, along_u, along_v, step, full, sums, image)
+        add_bending(step, bending, image)
         bent = 0.0
         for i in range(n):
             for j in range(m):
-                image[i, j] += energy[i, j] + STRETCHING * step[i, j]
+                image[i, j] += STRETCHING * step[i, j]
                 bent += step[i, j] * image[i, j]
         length = now / bent
         for i in range(n):

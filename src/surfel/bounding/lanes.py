@@ -53,6 +53,33 @@ def cell_value(typing, b, h, k, s, t):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
+def cell_slopes(typing, b, h, k, s, t):  # type: ignore[no-untyped-def]
+    """Return 36 times the first derivatives of the spline with respect to u and to v, as :func:`cell_value`."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        weights, slopes = _weights(builder, values[3], values[4]), _slopes(builder, values[3], values[4])
+        array = context.make_array(signature.args[0])(context, builder, values[0])
+        width = builder.extract_value(array.shape, 1)
+        place = builder.add(builder.mul(values[1], width), values[2])
+        columns: list[Any] = [None, None]
+        for i in range(4):
+            row = load(builder, array.data, place, FOUR)
+            for way, factors in enumerate((slopes, weights)):
+                factor, before = spread(builder, factors, i), columns[way]
+                columns[way] = builder.fmul(factor, row) if before is None else fused(builder, factor, row, before)
+            place = builder.add(place, width)
+        found = []
+        for column, factors in zip(columns, (weights, slopes), strict=True):
+            four = builder.fmul(column, pick(builder, factors, [4, 5, 6, 7]))
+            pair = builder.fadd(pick(builder, four, [0, 1]), pick(builder, four, [2, 3]))
+            found.append(builder.fadd(*(builder.extract_element(pair, ir.Constant(I32, lane)) for lane in (0, 1))))
+        return context.make_tuple(builder, signature.return_type, found)
+
+    f = types.float64
+    return types.UniTuple(f, 2)(b, types.int64, types.int64, f, f), generate
+
+
+@intrinsic
 def larger(typing, a, b):  # type: ignore[no-untyped-def]
     """Return the larger of two numbers, without a branch."""
 
@@ -170,13 +197,25 @@ def there_and_back(typing, b, place, width, weights, at, z, factor, sums, share,
 
 def _weights(builder: Any, s: Any, t: Any) -> Any:
     # Six times the weights of s and of t in one vector of eight: q^3, 4 + t^2 (3 t - 6), 4 + q^2 (3 q - 6), t^3.
+    base = _both_ends(builder, s, t)
+    square, factor, shift = builder.fmul(base, base), _constant([1.0, 3.0, 3.0, 1.0]), _constant([0.0, -6.0, -6.0, 0.0])
+    return fused(builder, square, fused(builder, factor, base, shift), _constant([0.0, 4.0, 4.0, 0.0]))
+
+
+def _slopes(builder: Any, s: Any, t: Any) -> Any:
+    # Six times their derivatives: -3 q^2, t (9 t - 12), q (12 - 9 q), 3 t^2.
+    base = _both_ends(builder, s, t)
+    factors, shift = _constant([-3.0, 9.0, -9.0, 3.0]), _constant([0.0, -12.0, 12.0, 0.0])
+    return builder.fmul(base, fused(builder, factors, base, shift))
+
+
+def _both_ends(builder: Any, s: Any, t: Any) -> Any:
     one = ir.Constant(F64, 1.0)
     p, q = builder.fsub(one, s), builder.fsub(one, t)
     base = ir.Constant(EIGHT, ir.Undefined)
     for lane, value in enumerate([p, s, p, s, q, t, q, t]):
         base = builder.insert_element(base, value, ir.Constant(I32, lane))
-    square, factor, shift = builder.fmul(base, base), _constant([1.0, 3.0, 3.0, 1.0]), _constant([0.0, -6.0, -6.0, 0.0])
-    return fused(builder, square, fused(builder, factor, base, shift), _constant([0.0, 4.0, 4.0, 0.0]))
+    return base
 
 
 def _constant(four: list[float]) -> Any:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import inlined, rows, threads_for
+from surfel._numba import inlined, kernel, rows, threads_for
 from surfel.bounding.along import restrict
 from surfel.bounding.bezier import ROUNDING, cell_bounds, cell_planes
 from surfel.bounding.occupancy import WHOLE, Quarters, quarter
@@ -86,7 +86,9 @@ def find_hits(sheet: Sheet, origins: Floats, directions: Floats, start: float, *
             t = np.empty((last - first, int(found.max())))
             t[:, :slots] = few
             t[many] = _trace(sheet, origins[first:last][many], directions[first:last][many], start, t.shape[1])[1]
-        parts.append((found, t[np.arange(t.shape[1]) < found[:, None]]))
+        packed = np.empty(int(found.sum()))
+        _pack(found, t, packed)
+        parts.append((found, packed))
     found = np.concatenate([np.zeros(1, np.int64), *(part[0] for part in parts)])
     return Hits(np.cumsum(found), np.concatenate([np.empty(0), *(part[1] for part in parts)]))
 
@@ -99,6 +101,15 @@ def _trace(
     with threads_for(_WEIGHT * len(origins)):
         _trace_rows(len(origins), sheet, np.array(origins), np.array(directions), float(start), found, t)
     return found, t
+
+
+@kernel
+def _pack(found, t, out):
+    at = 0
+    for line in range(found.shape[0]):
+        for i in range(found[line]):
+            out[at] = t[line, i]
+            at += 1
 
 
 @rows

@@ -48,6 +48,9 @@ PROVEN = 0.975
 PROOF_LEFT = 0.01
 """Share of the mean gap that the lower bound may be charged for what multipliers leave of the cost."""
 
+PROOF_STEPS = 8
+"""Steps towards that, at most."""
+
 DAMPING = 0.03
 """Weight of the damping of their steps."""
 
@@ -139,11 +142,14 @@ def _is_better(x: Floats, start: Floats, cost: Floats) -> bool:
 def dual_bound(job: Job, duals: Duals, residuals: Residuals) -> float:
     """Return a mean gap that no safe spline with coefficients within ten ranges of the middle goes below."""
     cost, level = job.unknowns.collect(residuals.mean_weights()), _level(job, residuals)
-    proven, _ = _proven(job, *duals, cost, level)
+    steps = PROOF_STEPS if job.source.streamed else 0  # an array's points were all known when the steps were taken
+    proven, _ = _proven(job, *duals, cost, level, steps)
     return job.scale.half * max(proven - level, 0.0)  # no gap is negative
 
 
-def _proven(job: Job, rows: Rows, z: Floats, y: Floats, cost: Floats, level: float) -> tuple[float, Floats]:
+def _proven(
+    job: Job, rows: Rows, z: Floats, y: Floats, cost: Floats, level: float, steps: int = PROOF_STEPS
+) -> tuple[float, Floats]:
     """Return a mean height that no safe spline with coefficients within ten ranges of the middle goes below.
 
     For multipliers y >= 0 of any points, every safe x has ``c.x >= y.z + (c - A^T y).x``; what is left of
@@ -152,12 +158,12 @@ def _proven(job: Job, rows: Rows, z: Floats, y: Floats, cost: Floats, level: flo
     fall below zero, where the points of a coefficient cannot bear its cost. The multipliers are returned too.
     """
     best, kept, before = -np.inf, y, np.inf
-    for _ in range(8):
+    for step in range(steps + 1):
         left = cost - rows.transposed_times(y)
         charge, value = BOX * float(np.abs(left).sum()), product(y, z)
         if value - charge > best:
             best, kept = value - charge, y
-        if charge <= PROOF_LEFT * (value - level) or charge > 0.9 * before:
+        if step == steps or charge <= PROOF_LEFT * (value - level) or charge > 0.9 * before:
             break
         before = charge
         band = no_matrix(job.unknowns)
