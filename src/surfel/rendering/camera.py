@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,17 @@ from numpy.typing import ArrayLike
 
 from surfel.core.affine import rotation
 from surfel.core.box import corners
-from surfel.core.cast import Floats, as_count, as_direction, as_number, as_points, as_positive, as_rows, as_vector
+from surfel.core.cast import (
+    Floats,
+    as_count,
+    as_direction,
+    as_number,
+    as_points,
+    as_positive,
+    as_rows,
+    as_vector,
+    read_only,
+)
 from surfel.core.errors import InputError
 from surfel.core.lines import Lines
 from surfel.shapes.base import CORNERS
@@ -162,13 +173,13 @@ class Camera:
         """How far the target is."""
         return math.dist(self.eye, self.target)
 
-    @property
+    @cached_property
     def frame(self) -> Floats:
         """Right, down and ahead as unit vectors of the world, shape (3, 3)."""
         ahead = (np.array(self.target) - self.eye) / self.distance
         right = np.cross(ahead, self.up)
         right /= np.linalg.norm(right)
-        return np.stack([right, np.cross(ahead, right), ahead])
+        return read_only(np.stack([right, np.cross(ahead, right), ahead]))
 
     def focal(self, height: int) -> float:
         """Return how many pixels a unit length at unit depth is high, in a picture of so many rows."""

@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import rows, threads_for
-from surfel.core.cast import Booleans
+from surfel._numba import inner, rows, threads_for
 from surfel.rendering.disks import CREASE, EDGE, Disks
-from surfel.rendering.lists import Lists
-from surfel.rendering.places import Places
-from surfel.rendering.placing import PIXEL, View
+from surfel.rendering.lists import Lists, gathered, in_order, room_for, tables
+from surfel.rendering.memory import room
+from surfel.rendering.places import Places, chosen
+from surfel.rendering.placing import PIXEL, Placed, View
 from surfel.rendering.projection import depth_of, height_over, normal_of, projected
 from surfel.rendering.raster import BLEND
 from surfel.rendering.records import FAR
@@ -40,6 +40,16 @@ class Layers(NamedTuple):
     unsure: NDArray[np.bool_]  # (m, MOST): whether a cut may pass it
 
 
+def peeled(
+    disks: Disks, placed: Placed, motions: NDArray[np.float32], view: View, places: Places, rows: NDArray[np.int64]
+) -> Layers:
+    """Return the sheets at some places, given by their rows, which ascend; those cut away for certain are left out."""
+    where, found = chosen(view, places, rows), _room_for(len(rows))
+    with threads_for(100 * len(rows)):
+        _peel(len(where.tiles), where, disks, placed, motions, view, np.int64(where.most), found)
+    return found
+
+
 def layers_of(
     disks: Disks,
     label: NDArray[np.int32],
@@ -47,53 +57,62 @@ def layers_of(
     view: View,
     lists: Lists,
     places: Places,
-    away: Booleans,
+    rows: NDArray[np.int64],
 ) -> Layers:
-    """Part the fragments of each place into sheets; the lists are sorted and used up by that.
-
-    Sheets that are cut away for certain are left out, the nearest where ``away`` says so of it.
-    """
+    """Part the fragments of each place into sheets; the lists are sorted and used up by that."""
     m = len(lists.counts)
-    found = Layers(
-        np.zeros(m, np.int32),
-        np.empty((m, MOST, 7), np.float32),
-        np.empty((m, MOST), np.int32),
-        np.zeros((m, MOST), np.bool_),
-    )
+    found, (x, y) = _room_for(m), places.columns_and_rows(view.width, rows)
     with threads_for(100 * m):
-        _part(m, disks, label, motions, view, *places, away, *lists, *found)
+        _part(m, np.arange(m), x.astype(np.float32), y.astype(np.float32), disks, label, motions, view, lists, found)
     return found
 
 
+def _room_for(m: int) -> Layers:
+    return Layers(
+        np.zeros(m, np.int32),
+        room((m, MOST, 7), np.float32),
+        np.empty((m, MOST), np.int32),
+        np.zeros((m, MOST), np.bool_),
+    )
+
+
 @rows
-def _part(
-    first,
-    last,
-    disks,
-    label,
-    motions,
-    view,
-    pixels,
-    offsets,
-    away,
-    starts,
-    counts,
-    all_z,
-    all_weight,
-    all_who,
-    count,
-    value,
-    winner,
-    unsure,
-):
-    """Sort the fragments of some lines by depth and part them into sheets."""
+def _peel(first, last, where, disks, placed, motions, view, most, layers):
+    """List the fragments of some tiles and part them into sheets, tile by tile."""
+    table, found, sorted_ones = tables(most), room_for(0), room_for(0)
+    for t in range(first, last):
+        count, number, found = gathered(where, t, disks, placed, motions, view, table, found)
+        if number > len(sorted_ones.z):
+            sorted_ones = room_for(2 * number)
+        z, weight, who = sorted_ones.z, sorted_ones.weight, sorted_ones.who
+        in_order(count, number, found, 0, table, z, weight, who)
+        parted(
+            0, count, table.lines, table.xs, table.ys, table.starts, table.counts, z, weight, who, disks, placed.label,
+            motions, view, layers,
+        )  # fmt: skip
+
+
+@rows
+def _part(first, last, lines, xs, ys, disks, label, motions, view, lists, layers):
+    parted(
+        first, last, lines, xs, ys, lists.starts, lists.counts, lists.z, lists.weight, lists.who, disks, label, motions,
+        view, layers,
+    )  # fmt: skip
+
+
+@inner
+def parted(
+    first, last, lines, xs, ys, starts, counts, all_z, all_weight, all_who, disks, label, motions, view, layers
+):  # fmt: skip
+    """Sort the fragments of some places by depth and part them into sheets."""
     points, normals, radii, leaf, colors, flags = (
         disks.points, disks.normals, disks.radii, disks.leaf, disks.colors, disks.flags
     )  # fmt: skip
+    value, winner, unsure = layers.value, layers.winner, layers.unsure
     slope, middle, size, cx, cy = view.slope, view.depth, view.size, view.cx, view.cy
-    total, cuts, places = np.empty(8, np.float32), disks.cuts, len(offsets)
-    for line in range(first, last):
-        begin, end = starts[line], starts[line] + counts[line]
+    total, cuts = np.empty(8, np.float32), disks.cuts
+    for place in range(first, last):
+        begin, end, line = starts[place], starts[place] + counts[place], lines[place]
         gap = 1
         while gap < (end - begin) // 9:
             gap = 3 * gap + 1
@@ -106,10 +125,7 @@ def _part(
                     b -= gap
                 all_z[b], all_weight[b], all_who[b] = z, weight, who
             gap //= 3
-        found, cut = 0, away[line]
-        pixel = pixels[line // places]
-        across = np.float32(pixel % view.width) + offsets[line % places, 0] - cx
-        down = np.float32(pixel // view.width) + offsets[line % places, 1] - cy
+        found, across, down = 0, xs[place] - cx, ys[place] - cy
         for a in range(begin, end):
             lead = all_who[a]
             if lead < 0:
@@ -148,8 +164,7 @@ def _part(
             cosine = projected(lead, leaf[lead], ez, tx, ty, tz, points, motions, slope, middle, size, cx, cy)[3]
             if total[0] < THIN * (_ONE - cosine):
                 continue  # the rims of disks that stick out over the silhouette
-            if cut or (doubt and -above > off):
-                cut = False
+            if doubt and -above > off:
                 continue
             doubt = doubt and not above > off
             mean = _ONE / total[0]
@@ -164,4 +179,4 @@ def _part(
             found += 1
             if not doubt or found == MOST:
                 break
-        count[line] = found
+        layers.number[line] = found

@@ -52,8 +52,8 @@ def cut_planes(splats: Splats, rows: NDArray[np.int64], other: Splats, sign: Flo
     middle = heights.mean(axis=0)
     flat = middle + np.concatenate([np.zeros((1, len(rows))), np.outer(cosines, along) + np.outer(sines, across)])
     off = np.abs(heights - flat).max(axis=0)
-    u, v = frames(splats.normals[rows])
-    slope = (along / wide)[:, None] * u + (across / wide)[:, None] * v
+    u, v = frames(splats.upright(rows))  # as the ring lies, in the world
+    slope = ((along / wide)[:, None] * u + (across / wide)[:, None] * v) @ splats.pose[:, :3]
     steep = np.hypot(along, across) > _STEEP * wide
     off = np.where(steep, _OFF * off + _LEAST * splats.radii[rows], FAR)
     return np.column_stack([-sign[:, None] * slope, -sign * middle, off])

@@ -13,16 +13,15 @@ from surfel.core.cast import Booleans, Floats
 from surfel.core.crossings import Crossings
 from surfel.rendering.camera import Camera
 from surfel.rendering.cast import Hits, Sight, cloud_at, first_hits, mesh_at, normals_at, sight, window
-from surfel.rendering.clip_buffer import Layers, layers_of
+from surfel.rendering.clip_buffer import Layers, peeled
 from surfel.rendering.disks import Disks
 from surfel.rendering.fragments import Fragments
-from surfel.rendering.lists import lists_at
 from surfel.rendering.pinholes import close_pinholes
 from surfel.rendering.places import CENTRE, Places
 from surfel.rendering.placing import Placed, View, place, view_of
 from surfel.rendering.raster import draw
 from surfel.rendering.scene import Item, Scene, box_of
-from surfel.rendering.tiles import AWAY, RIM, STATES, TURNED, UNSURE
+from surfel.rendering.tiles import UNSURE
 from surfel.rendering.verdicts import kept
 from surfel.shapes.mesh import Mesh
 from surfel.shapes.surfels import Surfels
@@ -119,43 +118,22 @@ class Frame:
     def _drawn(self, places: Places | None) -> Fragments:
         """Return what is seen of the clouds at places; by default on the grid of pixels."""
         seen, state = draw(self.disks, self.placed, self.motions, self.view, places)
-        deeper, away = self._deeper(places, seen, state & STATES, state & TURNED != 0)
-        if len(deeper):
-            seen.clear(deeper)
-            some, rows = (Places(deeper, CENTRE), deeper) if places is None else places.holding(deeper)
-            at = np.searchsorted(rows, deeper)
-            wanted, cut = np.zeros(len(rows), np.bool_), np.zeros(len(rows), np.bool_)
-            wanted[at], cut[at] = True, away
-            seen.put(rows, self._behind(some, wanted, cut))
+        rows = np.flatnonzero(state >= UNSURE)
+        if len(rows):
+            seen.clear(rows)
+            some, wanted = (Places(rows, CENTRE), np.arange(len(rows))) if places is None else (places, rows)
+            seen.put(rows, self._behind(some, wanted))
         return seen
 
-    def _deeper(
-        self, places: Places | None, seen: Fragments, state: NDArray[np.integer[Any]], turned: Booleans
-    ) -> tuple[NDArray[np.int64], Booleans]:
-        """Return the rows that show what lies behind the nearest sheet, and whether because that is cut away."""
-        unsure, rims = np.flatnonzero(state == UNSURE), np.flatnonzero(state == RIM)
-        x, y = (places or Places(unsure, CENTRE)).columns_and_rows(self.size[0], None if places is None else unsure)
-        outward = np.where(turned[unsure, None], -seen.normal[unsure], seen.normal[unsure])
-        lost = unsure[~self._verdicts(x, y, seen.depth[unsure], outward, seen.leaf[unsure])]
-        lost = np.concatenate([np.flatnonzero(state == AWAY), lost])
-        rows = np.concatenate([lost, rims])
-        order = np.argsort(rows)
-        return rows[order], order < len(lost)
-
-    def _behind(self, places: Places, wanted: Booleans, away: Booleans) -> Fragments:
-        """Return, where it is wanted, the first sheet of the clouds that the trees keep.
-
-        Where the nearest is known to be cut away it is a later one.
-        """
-        lists = lists_at(self.disks, self.placed, self.motions, self.view, places)
-        lists.counts[~wanted] = 0
-        layers = layers_of(self.disks, self.placed.label, self.motions, self.view, lists, places, away)
+    def _behind(self, places: Places, rows: NDArray[np.int64]) -> Fragments:
+        """Return, for some of the places, the first sheet of the clouds that the trees keep."""
+        layers = peeled(self.disks, self.placed, self.motions, self.view, places, rows)
         valid = np.arange(layers.winner.shape[1]) < layers.number[:, None]
-        good, ask = valid & ~layers.unsure, valid & layers.unsure
-        line, level = np.nonzero(ask)
+        good = valid & ~layers.unsure
+        line, level = np.nonzero(valid & layers.unsure)
         if len(line):
             value, leaf = layers.value[line, level], self.disks.leaf[layers.winner[line, level]]
-            x, y = places.columns_and_rows(self.size[0], line)
+            x, y = places.columns_and_rows(self.size[0], rows[line])
             good[line, level] = self._verdicts(x, y, value[:, 0], value[:, 1:4], leaf)
         return self._first_of(layers, good)
 
@@ -178,9 +156,10 @@ class Frame:
         """Ask the trees for the blended points of sheets that a cut may pass."""
         points, normals = self.world(x, y, depth), normal.astype(np.float64) @ self.camera.frame
         good = np.zeros(len(x), np.bool_)
-        for k in np.unique(leaf):
-            rows, item = np.flatnonzero(leaf == k), self.scene.item_of(int(k))
-            good[rows] = kept(item, int(k) - item.first, points[rows], normals[rows], self.scene.reach)
+        for item in self.scene.items:
+            own = leaf - item.first
+            rows = np.flatnonzero((own >= 0) & (own < len(item.leaves)))
+            good[rows] = kept(item, own[rows], points[rows], normals[rows], self.scene.reach)
         return good
 
     def _put_cast(self, seen: Fragments, item: Item, rows: NDArray[np.int64], x: Floats, y: Floats) -> None:

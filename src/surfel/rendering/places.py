@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from surfel._numba import inlined
 from surfel.core.cast import Floats
 from surfel.rendering.eights import LANES
-from surfel.rendering.memory import room
 from surfel.rendering.placing import TILE, View
 
 CENTRE = np.zeros((1, 2), np.float32)
@@ -23,7 +22,7 @@ STRIDE = np.uint64(TILE + 1)
 
 
 class Places(NamedTuple):
-    """Places in a picture: the same offsets in each of some pixels; pixel by pixel."""
+    """Places in a picture: the same offsets in each of some pixels, which ascend; pixel by pixel."""
 
     pixels: NDArray[np.int64]
     offsets: NDArray[np.float32]
@@ -37,20 +36,15 @@ class Places(NamedTuple):
         x, y = np.asarray(pixels % width, np.float64), np.asarray(pixels // width, np.float64)
         return x + offsets[:, 0], y + offsets[:, 1]
 
-    def holding(self, rows: NDArray[np.int64]) -> tuple[Places, NDArray[np.int64]]:
-        """Return the places of those pixels that hold some of them, given by their rows, and the rows of all these."""
-        number = len(self.offsets)
-        among = np.unique(rows // number)
-        return Places(self.pixels[among], self.offsets), (among[:, None] * number + np.arange(number)).ravel()
-
 
 class Chosen(NamedTuple):
-    """Chosen places as kernels take them: which tiles hold any, and where each pixel's are found."""
+    """Chosen places as kernels take them, and which tiles hold any."""
 
     tiles: NDArray[np.int64]
-    slot: NDArray[np.int32]  # (h w,): which of the chosen pixels it is; -1 for none
+    pixels: NDArray[np.int64]  # ascending
     offsets: NDArray[np.float32]
-    whole: bool  # all pixels are meant, at their centres; then ``slot`` is empty
+    rank: NDArray[np.int32]  # of each place, which of those wanted it is, -1 for none; empty where all are wanted
+    whole: bool  # all pixels are meant, at their centres; then ``pixels`` is empty
     reach: int  # pixels that places may lie off the boxes of splats, which are rounded to centres
     number: int
 
@@ -60,40 +54,52 @@ class Chosen(NamedTuple):
         return TILE * TILE * len(self.offsets) + LANES
 
 
-def chosen(view: View, places: Places | None = None) -> Chosen:
-    """Make places ready for kernels; without any, the centres of all pixels."""
+def chosen(view: View, places: Places | None = None, rows: NDArray[np.int64] | None = None) -> Chosen:
+    """Make places ready for kernels, or some of them by their rows; without any, the centres of all pixels."""
     across, down = -(-view.width // TILE), -(-view.height // TILE)
+    none, every = np.empty(0, np.int64), np.empty(0, np.int32)
     if places is None:
-        return Chosen(np.arange(across * down), np.empty(0, np.int32), CENTRE, True, 0, view.width * view.height)
-    slot = room(view.width * view.height, np.int32)
-    slot.fill(-1)
-    slot[places.pixels] = np.arange(len(places.pixels), dtype=np.int32)
+        return Chosen(np.arange(across * down), none, CENTRE, every, True, 0, view.width * view.height)
+    pixels, offsets = places
     held = np.zeros(across * down, np.bool_)
-    held[(places.pixels // view.width // TILE) * across + places.pixels % view.width // TILE] = True
-    return Chosen(np.flatnonzero(held), slot, places.offsets, False, 1, len(places.pixels) * len(places.offsets))
+    here = pixels if rows is None else pixels[rows // len(offsets)]
+    held[(here // view.width // TILE) * across + here % view.width // TILE] = True
+    if rows is not None:
+        every = np.full(len(pixels) * len(offsets), -1, np.int32)
+        every[rows] = np.arange(len(rows), dtype=np.int32)
+    number = len(pixels) * len(offsets) if rows is None else len(rows)
+    return Chosen(np.flatnonzero(held), pixels, offsets, every, False, 1, number)
 
 
 @inlined
-def listed(slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys):
+def listed(pixels, rank, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys):
     """List the places of a tile, and return how many there are.
 
     ``begins[33 y + x]`` is how many come before a pixel, ``sums[33 y + x]`` how many chosen pixels lie above and to the
     left of it.
     """
-    count, places, columns = 0, len(offsets), np.uint64(right + 1 - left)
+    count, k, places, columns = 0, 0, len(offsets), np.uint64(right + 1 - left)
     for y in range(np.uint64(bottom + 1 - top)):
         at, total, row = STRIDE * y, 0, np.int64(y) + top
+        p, end = row * width + left, len(pixels)
+        while k < end:  # the first pixel of this row, by halving
+            half = (k + end) // 2
+            k, end = (half + 1, end) if pixels[half] < p else (k, half)
         for x in range(columns):
             begins[at + x] = count
             sums[at + STRIDE + x] = sums[at + x] + total
-            p = row * width + left + np.int64(x)
-            if slot[p] >= 0:
-                total += 1
+            if k < len(pixels) and pixels[k] == p + np.int64(x):
+                before = count
                 for s in range(places):
-                    lines[count] = slot[p] * places + s
-                    xs[count] = np.float32(np.int64(x) + left) + offsets[s, 0]
-                    ys[count] = np.float32(row) + offsets[s, 1]
-                    count += 1
+                    line = k * places + s
+                    line = np.int64(rank[line]) if len(rank) > 0 else line
+                    if line >= 0:
+                        lines[count] = line
+                        xs[count] = np.float32(np.int64(x) + left) + offsets[s, 0]
+                        ys[count] = np.float32(row) + offsets[s, 1]
+                        count += 1
+                total += count > before
+                k += 1
         begins[at + columns] = count
         sums[at + STRIDE + columns] = sums[at + columns] + total
     return count

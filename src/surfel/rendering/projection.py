@@ -27,13 +27,19 @@ def depth_of(i, m, points, motions):
 
 
 @inlined
+def turned(m, a, b, c, motions):
+    """Return a direction of a cloud's own frame in the camera's."""
+    return (
+        motions[m, 0, 0] * a + motions[m, 0, 1] * b + motions[m, 0, 2] * c,
+        motions[m, 1, 0] * a + motions[m, 1, 1] * b + motions[m, 1, 2] * c,
+        motions[m, 2, 0] * a + motions[m, 2, 1] * b + motions[m, 2, 2] * c,
+    )
+
+
+@inlined
 def normal_of(i, m, normals, motions):
     """Return the normal of a surfel in the camera's frame."""
-    a, b, c = normals[0, i], normals[1, i], normals[2, i]
-    nx = motions[m, 0, 0] * a + motions[m, 0, 1] * b + motions[m, 0, 2] * c
-    ny = motions[m, 1, 0] * a + motions[m, 1, 1] * b + motions[m, 1, 2] * c
-    nz = motions[m, 2, 0] * a + motions[m, 2, 1] * b + motions[m, 2, 2] * c
-    return nx, ny, nz
+    return turned(m, normals[0, i], normals[1, i], normals[2, i], motions)
 
 
 @inlined

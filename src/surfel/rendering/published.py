@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,6 @@ from surfel.rendering.lists import Lists, lists_at
 from surfel.rendering.places import CENTRE, Places
 from surfel.rendering.projection import normal_of
 from surfel.rendering.raster import BLEND
-from surfel.rendering.tiles import UNSURE
 from surfel.rendering.verdicts import kept, sides_of
 
 _SIDE_UNKNOWN = np.uint8(255)
@@ -39,18 +37,11 @@ class ClipBuffer(Frame):
         """The surfels that are drawn; what is known of the cuts beforehand is no part of the method."""
         return self.scene.disks._replace(cuts=np.empty((0, 5), np.float32))
 
-    def _deeper(
-        self, places: Places | None, seen: Fragments, state: NDArray[np.integer[Any]], turned: Booleans
-    ) -> tuple[NDArray[np.int64], Booleans]:
-        rows = np.flatnonzero(state >= UNSURE)
-        return rows, np.zeros(len(rows), np.bool_)
-
-    def _behind(self, places: Places, wanted: Booleans, away: Booleans) -> Fragments:
-        lists = lists_at(self.disks, self.placed, self.motions, self.view, places)
-        lists.counts[~wanted] = 0
+    def _behind(self, places: Places, rows: NDArray[np.int64]) -> Fragments:
+        lists = lists_at(self.disks, self.placed, self.motions, self.view, places, rows)
         self._clip(lists)
         plain = self.disks._replace(flags=self.disks.flags & np.uint8(255 - EDGE))
-        layers = layers_of(plain, self.placed.label, self.motions, self.view, lists, places, away)
+        layers = layers_of(plain, self.placed.label, self.motions, self.view, lists, places, rows)
         return self._first_of(layers, np.arange(layers.winner.shape[1]) < layers.number[:, None])
 
     def _clip(self, lists: Lists) -> None:
@@ -105,18 +96,15 @@ class Quads(Frame):
 
     def _drawn(self, places: Places | None) -> Fragments:
         if places is not None:
-            every = np.ones(len(places.pixels) * len(places.offsets), np.bool_)
-            return self._behind(places, every, ~every)
+            return self._behind(places, np.arange(len(places.pixels) * len(places.offsets)))
         seen = super()._drawn(None)
         pixels = np.flatnonzero(seen.seen)
-        every = np.ones(len(pixels), np.bool_)
-        blended = self._behind(Places(pixels, CENTRE), every, ~every)
+        blended = self._behind(Places(pixels, CENTRE), np.arange(len(pixels)))
         seen.normal[pixels], seen.color[pixels] = blended.normal, blended.color
         return seen
 
-    def _behind(self, places: Places, wanted: Booleans, away: Booleans) -> Fragments:
-        lists = lists_at(self.disks, self.placed, self.motions, self.view, places)
-        lists.counts[~wanted] = 0
+    def _behind(self, places: Places, rows: NDArray[np.int64]) -> Fragments:
+        lists = lists_at(self.disks, self.placed, self.motions, self.view, places, rows)
         seen = Fragments.nothing(len(lists.counts))
         with threads_for(100 * len(seen)):
             _blend_over(len(seen), lists, self.disks, self.motions, *_columns(seen))

@@ -23,6 +23,7 @@ from surfel.rendering.records import (
     AT_COLUMN,
     AT_ROW,
     BEND,
+    BEYOND,
     CUT,
     CUT_OFF,
     CUT_X,
@@ -74,7 +75,7 @@ LEAST = np.float32(1e-6)
 
 _FOUR, _TWO_ROWS, _HALF_LANES = np.uint64(LANES // 2), STRIDE + STRIDE, np.float32(LANES // 2)
 _EXACT = 1 << 24  # floats hold all whole numbers up to this
-_ZERO, _ONE, _INF = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
+_ZERO, _ONE, _TWO, _INF = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(np.inf)
 
 
 def draw(
@@ -100,7 +101,7 @@ def draw(
     seen, state = Fragments.room(where.number), room(where.number, np.uint8)
     with threads_for(100 * where.number + (64 * len(placed.entries) if where.whole else 0)):
         _draw(
-            len(where.tiles), where.tiles, where.slot, where.offsets, where.whole, np.int64(where.reach),
+            len(where.tiles), where.tiles, where.pixels, where.rank, where.offsets, where.whole, np.int64(where.reach),
             np.int64(where.most), disks, placed, motions, view, np.int64(2 * len(motions)), np.int64(placed.fullest),
             seen.depth, seen.normal, seen.color, seen.leaf, seen.row, state,
         )  # fmt: skip
@@ -109,8 +110,8 @@ def draw(
 
 @rows
 def _draw(
-    first, last, tiles, slot, offsets, whole, reach, most, disks, placed, motions, view, most_sheets, fullest, depth,
-    normal, color, out_leaf, out_row, state,
+    first, last, tiles, pixels, rank, offsets, whole, reach, most, disks, placed, motions, view, most_sheets, fullest,
+    depth, normal, color, out_leaf, out_row, state,
 ):  # fmt: skip
     """Draw some tiles, sheet after sheet: a sheet is one side of one leaf.
 
@@ -119,7 +120,7 @@ def _draw(
     when what is nearest is known. A disk is cut by eight lines of sight at once. Numbers of disks are kept as floats.
     """
     box, starts, entries = placed.box, placed.starts, placed.entries
-    points, radii, colors = disks.points, disks.radii, disks.colors
+    points, radii, bends, colors = disks.points, disks.radii, disks.bends, disks.colors
     flags, leaf, clips, planes, own, row = disks.flags, disks.leaf, disks.clips, disks.planes, disks.axes, disks.row
     cuts = disks.cuts
     slope, cx, cy, width, height = view.slope, view.cx, view.cy, view.width, view.height
@@ -142,7 +143,7 @@ def _draw(
                 for k in range(np.uint64(right + 1 - left)):
                     depth[p + k], out_leaf[p + k], state[p + k] = _INF, -1, NOTHING
         else:
-            count = listed(slot, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys)
+            count = listed(pixels, rank, left, right, top, bottom, width, offsets, begins, sums, lines, xs, ys)
             for k in range(np.uint64(count)):
                 p = np.uint64(lines[k])
                 depth[p], out_leaf[p], state[p] = _INF, -1, NOTHING
@@ -182,6 +183,10 @@ def _draw(
                 slack = -_INF if mark & CREASE else gate  # what is creased asks for the normal of what is nearest
                 least = ez - r - gate if again else ez - r  # where less is known, the disk is hidden
                 least = -_INF if bend > _ZERO else least  # bent disks reach a little beyond their planes' rims
+                cut = known_cuts and mark & EDGE
+                cut_x, cut_y, cut_z = record[CUT_X, k], record[CUT_Y, k], record[CUT_Z, k]
+                cut_at, cut_off = record[CUT, k], record[CUT_OFF, k]
+                beyond = -BEYOND * cut_off - bends[i] * r * r
                 narrow = whole and x1 - x0 <= _FOUR
                 for y in range(y0, y1, _TWO_ROWS if narrow else STRIDE):
                     stop = begins[y + x1]
@@ -204,6 +209,9 @@ def _draw(
                             inside = u < _ONE
                             u = pick(inside, u, in_pixels(x, row_y, sx, sy))
                             z = pick(inside, z, ez)
+                        if cut:  # what lies beyond it for certain is not there
+                            rise = cut_x * qx + cut_y * qy + cut_z * qz + cut_at
+                            u = pick(rise < beyond, _TWO, u)
                         lane = ramp()  # what lies beyond the run's end belongs to the next row, and is met there
                         free = pick(
                             lane < _HALF_LANES, lane - np.float32(number), lane - np.float32(others + LANES // 2)
@@ -254,12 +262,10 @@ def _draw(
                             add_fours(grid, plane * BLUE + at, plane * BLUE + beside, weight * np.float32(blue))
                         if mark & EDGE:
                             add_fours(grid, plane * DOUBT + at, plane * DOUBT + beside, weight)
-                            if known_cuts:
-                                cut_x, cut_y, cut_z = record[CUT_X, k], record[CUT_Y, k], record[CUT_Z, k]
-                                rise = cut_x * qx + cut_y * qy + cut_z * qz + record[CUT, k]
+                            if cut:
                                 rise = weight * pick(hit, rise, _ZERO)
                                 add_fours(grid, plane * ABOVE + at, plane * ABOVE + beside, rise)
-                                add_fours(grid, plane * OFF + at, plane * OFF + beside, weight * record[CUT_OFF, k])
+                                add_fours(grid, plane * OFF + at, plane * OFF + beside, weight * cut_off)
             if step < sheets - 1:
                 farthest = -_INF
                 for k in range(np.uint64(count)):

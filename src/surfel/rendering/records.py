@@ -9,6 +9,7 @@ from surfel.rendering.disks import EDGE
 from surfel.rendering.eights import LANES, load, pick, root, store
 from surfel.rendering.places import touched
 from surfel.rendering.placing import PIXEL
+from surfel.rendering.projection import turned
 
 AT_COLUMN, AT_ROW, SIZE, DEPTH, NX, NY, NZ, INVERSE, RADIUS, COSINE, BEND = (np.uint64(k) for k in range(11))
 """Rows: where a disk falls in the picture, the size of a pixel there, its depth and normal, one over the square of its
@@ -19,6 +20,9 @@ ROWS = 16
 
 FAR = np.float32(1e30)
 """How far the plane of a cut may be off where nothing is known: smaller disks are drawn beyond their rims."""
+
+BEYOND = np.float32(2.0)
+"""Places of a disk that lie so many times that beyond the plane, and twice what the surface bends, are not drawn."""
 
 _EIGHT = np.uint64(LANES)
 _ZERO, _ONE, _TWO, _THREE = (np.float32(v) for v in (0.0, 1.0, 2.0, 3.0))
@@ -86,9 +90,6 @@ def recorded(
 @inlined
 def _record_cut(k, i, m, flags, cuts, motions, record):
     if flags[i] & EDGE:
-        a, b, c = cuts[i, 0], cuts[i, 1], cuts[i, 2]
-        record[CUT_X, k] = motions[m, 0, 0] * a + motions[m, 0, 1] * b + motions[m, 0, 2] * c
-        record[CUT_Y, k] = motions[m, 1, 0] * a + motions[m, 1, 1] * b + motions[m, 1, 2] * c
-        record[CUT_Z, k] = motions[m, 2, 0] * a + motions[m, 2, 1] * b + motions[m, 2, 2] * c
+        record[CUT_X, k], record[CUT_Y, k], record[CUT_Z, k] = turned(m, cuts[i, 0], cuts[i, 1], cuts[i, 2], motions)
         record[CUT, k] = cuts[i, 3]
         record[CUT_OFF, k] = cuts[i, 4] if record[RADIUS, k] >= PIXEL * record[SIZE, k] else FAR

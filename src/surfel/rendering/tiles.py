@@ -20,11 +20,8 @@ THIN = np.float32(0.8)
 ALIKE = np.float32(0.7)
 """Near an edge of a cloud, only surfels whose normals make a larger cosine than this are blended."""
 
-NOTHING, SURE, UNSURE, RIM, AWAY = 0, 1, 2, 3, 4
-"""States of a pixel: no splat; one kept for certain; one that a cut may pass; the rim of a disk that sticks out; one
-that is cut away for certain."""
-STATES, TURNED = 7, 8
-"""The bits of these, and one that says that the normal was turned towards the camera."""
+NOTHING, SURE, UNSURE, RIM = 0, 1, 2, 3
+"""States of a pixel: no splat; one kept for certain; one that a cut may pass; the rim of a disk that sticks out."""
 
 BEST, WHOSE, LIMIT = (np.uint64(k) for k in (1, 2, 3))
 """Planes after that of the depths of what is nearest: which disk it is, and of which sheet; how near another disk may
@@ -131,11 +128,9 @@ def written(
         if weight < THIN * (_ONE - record[COSINE, j]):
             state[p] = RIM
             continue
-        found = SURE
-        if grid[plane * DOUBT + k] > _ZERO:
-            found = UNSURE
-            if known_cuts and abs(grid[plane * ABOVE + k]) > grid[plane * OFF + k]:
-                found = SURE if grid[plane * ABOVE + k] > _ZERO else AWAY
+        doubt = grid[plane * DOUBT + k] > _ZERO
+        if doubt and known_cuts:
+            doubt = not grid[plane * ABOVE + k] > grid[plane * OFF + k]
         depth[p], out_leaf[p], out_row[p] = grid[k], leaf[i], row[i]
         sign, nx, ny, nz = (
             grid[plane * BEHIND + k],
@@ -147,7 +142,7 @@ def written(
             sign = -_ONE if record[NZ, j] > _ZERO else _ONE
             nx, ny, nz = sign * record[NX, j], sign * record[NY, j], sign * record[NZ, j]
         normal[p, 0], normal[p, 1], normal[p, 2] = nx, ny, nz
-        state[p] = found | TURNED if sign < _ZERO else found
+        state[p] = UNSURE if doubt else SURE
         if flags[i] & PAINTED:
             mean = _ONE / weight
             color[p, 0] = np.uint8(grid[plane * RED + k] * mean + _HALF)
