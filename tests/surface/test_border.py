@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial import Delaunay
+from scipy.spatial import ConvexHull, Delaunay, Voronoi, cKDTree
 
 import naive
-from surfel.surface.border import along_border, border_share, is_covered, nearby_cells, unevenness
+from surfel.surface.border import (
+    along_border,
+    border_cells,
+    border_share,
+    doubtful_share,
+    is_covered,
+    nearby_cells,
+    unevenness,
+    unstirred,
+)
 
 
 @pytest.mark.parametrize("cap2", [1e9, 0.08, 0.02])
@@ -38,9 +47,35 @@ def test_points_on_a_line_cover_nothing():
 
 
 def test_the_share_of_a_border_point_grows_with_the_unevenness():
-    assert border_share(0.33) == border_share(0.5) == 0.715
-    assert border_share(0.0) == border_share(0.11) == 0.34
-    assert 0.39 < border_share(0.14) < border_share(0.2) < 0.715
+    assert border_share(0.33) == border_share(0.5) == 0.685
+    assert border_share(0.11) == 0.325
+    assert border_share(0.0) == border_share(0.02) == 0.0  # the points of a grid lie on the border
+    assert 0.37 < border_share(0.14) < border_share(0.2) < 0.685
+
+
+def test_only_what_may_be_a_grid_leaves_half_a_cell_open():
+    assert doubtful_share(0.0) == doubtful_share(0.09) == 0.525
+    assert 0.0 < doubtful_share(0.11) < 0.525
+    assert doubtful_share(0.12) == doubtful_share(0.33) == 0.0
+
+
+def test_noise_along_the_surface_is_taken_back_from_the_unevenness():
+    rng = np.random.default_rng(0)
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(40.0), np.arange(40.0)))
+    for noise in (0.1, 0.2, 0.3):
+        flat = np.column_stack([x, y]) + noise * rng.standard_normal((1600, 2))
+        inside = np.flatnonzero((np.abs(flat - 19.5) < 17.0).all(axis=1))
+        areas = np.zeros(1600)
+        regions = Voronoi(flat)
+        for i in inside:
+            areas[i] = ConvexHull(regions.vertices[regions.regions[regions.point_region[i]]]).volume
+        closed = np.zeros(1600, np.uint8)
+        closed[inside] = 1
+        near = cKDTree(flat).query(flat, 13)[1][:, 1:].astype(np.int32)
+        assert unstirred(unevenness(areas, closed, near), noise) < 0.05
+    assert unstirred(0.2, 0.0) == pytest.approx(0.2, rel=1e-12)
+    assert unstirred(0.34, 0.4) == 0.34  # random points stay as random as they were
+    assert 0.0 < unstirred(0.2, 0.2) < unstirred(0.25, 0.2) < 0.25
 
 
 def test_unevenness_compares_closed_cells_with_the_closed_ones_round_them():
@@ -70,9 +105,33 @@ def test_the_size_of_nearby_cells_is_the_mean_of_the_nearest_twelve_closed_ones(
     np.testing.assert_allclose(nearby_cells(np.arange(5, dtype=np.int32), neighbours, area, closed, spacing), 0.005)
 
 
+def test_cells_at_the_border_follow_those_farther_inside():
+    rng = np.random.default_rng(1)
+    points, neighbours = rng.random((60, 3)), np.stack([rng.permutation(np.arange(4, 60))[:40] for _ in range(4)])
+    closed = (rng.random(60) < 0.7).astype(np.uint8)
+    area = np.ones(60)
+    chosen, near = np.arange(4, dtype=np.int32), neighbours.astype(np.int32)
+    np.testing.assert_allclose(border_cells(points, chosen, near, area, closed), 1.0, rtol=1e-12)
+    area = 1.0 + 0.3 * points[:, 0] + 0.2 * rng.random(60)
+    for row, size in enumerate(border_cells(points, chosen, near, area, closed)):
+        there = [j for j in near[row] if closed[j]]
+        middle = points[there].mean(axis=0)
+        way = points[row] - middle
+        slope, level = np.polyfit((points[there] - middle) @ way, area[there], 1)
+        assert size == pytest.approx(level + slope * (way @ way), rel=1e-9)
+    area = np.exp(9.0 * points[:, 0])
+    means = [area[[j for j in near[row] if closed[j]]].mean() for row in range(4)]
+    sizes = border_cells(points, chosen, near, area, closed) / means
+    assert (sizes >= 0.5 - 1e-12).all()
+    assert (sizes <= 2.0 + 1e-12).all()
+    assert border_cells(points, chosen, near, area, np.zeros(60, np.uint8)).tolist() == [0.0] * 4
+
+
 def test_a_border_is_where_enough_neighbours_are_open_and_uncovered():
     opened = np.array([1, 1, 1, 0, 0, 1], bool)
     uncovered = np.array([1, 0, 1, 0, 0, 0], bool)
     near = np.array([[1, 2, 3], [0, 3, 4], [1, 0, 3], [1, 2, 3]], np.int32)
     chosen = np.array([0, 1, 2, 5], np.int32)
-    assert along_border(chosen, near, opened, uncovered).tolist() == [True, False, True, False]
+    straight, told = along_border(chosen, near, opened, uncovered)
+    assert straight.tolist() == [True, False, True, True]
+    assert told.tolist() == [True, False, True, False]

@@ -22,7 +22,7 @@ def parted(shape, n: int, ratio: float, seed: int) -> truth.Sampled:
 @pytest.mark.parametrize("ratio", [4.0, 8.0, 12.0])
 @pytest.mark.parametrize("shape", [truth.sphere, truth.torus])
 def test_no_area_is_lost_where_the_density_jumps(shape, ratio, given):
-    """A quarter of a percent was lost at a ratio of 8, the triangles between the two sides that dense points dropped."""
+    """A quarter of a percent was lost at a ratio of 8: triangles between the two sides that dense points dropped."""
     errors = []
     for seed in range(3):
         cloud = parted(shape, 12_000, ratio, seed)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import naive
+from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.normals import Planes, choose_planes, fit_planes, fitted_normals, widths
 from surfel.surface.planes import plane_of_neighbours, smallest_eigenpair, solve_spd
 from surfel.surface.spacing import local_spacing, regularity
@@ -72,9 +73,9 @@ def _cube_edge(n):
 
 def test_normals_stay_sharp_at_an_edge():
     points, upright = _cube_edge(3000)
-    squared, rows = naive.nearest(points, 24)
-    spacing = local_spacing(squared)
-    normals = fitted_normals(points, rows, spacing)
+    hood = Neighbourhoods.of(points, np.arange(len(points)))
+    points, rows, upright = hood.points, hood.near, upright[hood.rows]
+    normals = fitted_normals(hood)
     truth = np.where(upright[:, None], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
     right = np.abs(np.einsum("ij,ij->i", normals, truth)) > 0.99
     planes = Planes.empty(len(points))

@@ -182,3 +182,18 @@ def test_a_tree_of_a_cloud_with_wrong_normals_is_measured_right():
         assert float(m.area) == pytest.approx(float(true.area), rel=0.003)
         assert m.volume is not None
         assert float(m.volume) == pytest.approx(float(true.volume), rel=0.005)
+
+
+def test_normals_that_were_fitted_to_refuse_others_are_used_again():
+    """A cloud whose normals are refused has the same digits as one without."""
+    cloud = truth.torus(6000, 4)
+    wrong = random_directions(6000, 5)
+    found = asked(cloud.points, wrong)
+    assert found.refused
+    assert found.fitted is not None
+    assert found.fitted.shape == (6000, 3)
+    refused, bare = surfel.Surfels(cloud.points, wrong).surface.local, surfel.Surfels(cloud.points).surface.local
+    assert refused is not None
+    assert bare is not None
+    np.testing.assert_array_equal(refused.areas, bare.areas)
+    np.testing.assert_array_equal(refused.normals, bare.normals)

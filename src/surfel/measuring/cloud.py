@@ -26,6 +26,9 @@ TOLD = 0.005
 REPLACED = 0.03
 """Standard error of the area for normals that were replaced, as a share of theirs: one in ten is not found."""
 
+LEFT = 0.001
+"""Share of the area that strays are likely to have added from which it is said."""
+
 RAGGED = 0.025
 """Roughness of the points as they are, as a share of the area, above which neighbours do not lie on one surface."""
 
@@ -103,6 +106,12 @@ def measure_cloud(
         )
     if surface.noise > 0.1:
         warnings.append(f"the points lie off the surface by {surface.noise:.2f} spacings; they were projected onto it")
+    left = surface.left_strays.expected * surface.scale**2
+    if left > LEFT * float(area.value):
+        warnings.append(
+            "not all strays near the surface can be told from it: those that are left are likely to make "
+            f"the area {left / float(area.value):.1%} too large, for which its interval is wider"
+        )
     if surface.is_overlay:
         warnings.append(
             "parts of the surface are covered by one scan, and parts by several laid over each other: "
@@ -118,7 +127,8 @@ def _area_of_cloud(surface: CloudSurface, counted: LineResult | None) -> Estimat
     local, sampling = surface.known
     value, error = local.area * square, sampling.standard_error * square
     replaced = 0 if surface.trusted.refused else surface.trusted.wrong
-    error = float(combine_errors(error, REPLACED * replaced / len(local.areas) * value))
+    left = surface.left_strays.half_width * square / 1.959964
+    error = float(combine_errors(error, REPLACED * replaced / len(local.areas) * value, left))
     if counted is not None:
         value, error = float(counted.area.value), float(combine_errors(error, counted.area.standard_error))
     reasons = []

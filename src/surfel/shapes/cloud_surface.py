@@ -22,6 +22,7 @@ from surfel.shapes.bulge import Bulge, bulge_of
 from surfel.shapes.sheets import CloudCrossings, crossings_of
 from surfel.surface.close_sheets import SHARE_FITTED, faces_one_way, has_close_sheets, is_thin_plate
 from surfel.surface.fans import STAR, Fans, build_fans
+from surfel.surface.left_strays import NONE_LEFT, LeftStrays
 from surfel.surface.neighbourhoods import Neighbourhoods, cleaned
 from surfel.surface.noise import is_two_sheets
 from surfel.surface.orient import Orientation, orient
@@ -77,6 +78,12 @@ class CloudSurface:
     def cleaning(self) -> Mapping[str, int]:
         """How many duplicates and strays were left out."""
         return self._cleaned[1]
+
+    @property
+    def left_strays(self) -> LeftStrays:
+        """What strays that were not told from the surface are likely to add to the area, in scaled units."""
+        hood = self._cleaned[0]
+        return NONE_LEFT if hood is None else hood.left
 
     @property
     def rows(self) -> NDArray[np.int64]:
@@ -162,7 +169,8 @@ class CloudSurface:
         return self._once("error", lambda: sampling_error(hood, self.trusted.normals, self._estimated(hood)))
 
     def _estimated(self, hood: Neighbourhoods) -> LocalPatches:
-        return self._once("estimated", lambda: local_patches(hood, self.trusted.normals, star=STAR))
+        given = self.trusted
+        return self._once("estimated", lambda: local_patches(hood, given.normals, star=STAR, fitted=given.fitted))
 
     def _carried(self, found: LocalPatches) -> LocalPatches:
         """Return the patches with the areas that clipped surfels carry."""

@@ -24,8 +24,9 @@ REACH_RANDOM, REACH_REGULAR = 2.5, 2.1
 """Largest circumradius, in spacings, of a triangle that still belongs to the surface, where points lie at random and
 where they lie in good order: a gap that is common among random points is a hole among regular ones."""
 
-JUMP = 1.8
-"""How many times farther apart the points beyond a jump of density lie, as where one more scan begins."""
+JUMP, SPARSER = 1.8, 2
+"""How many times farther apart the points beyond a jump of density lie, as where one more scan begins; and how many
+such neighbours tell it from a stray."""
 
 SHIFT = 0.02
 """How far, in spacings, an open point is moved inward when it is asked whether the others cover its place."""
@@ -171,9 +172,12 @@ def _clip_all(
         ex, ey, ez, fx, fy, fz = tangent_frame(nx, ny, nz)
         wide = h  # beside a jump of density triangles are as large as the points of the sparser side make them
         if final:
+            sparser = 0
             for a in range(k):
-                wide = max(wide, spacing[neighbours[row, a]])
-            wide = wide if wide > JUMP * h else h
+                there = spacing[neighbours[row, a]]
+                sparser += 1 if there > JUMP * h else 0
+                wide = max(wide, there)
+            wide = wide if sparser >= SPARSER else h
         half = 1.5 * reach * wide
         base, corners = 0, 4
         px[0], py[0], px[1], py[1] = -half, -half, half, -half

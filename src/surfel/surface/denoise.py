@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from surfel.core.cast import Floats
 from surfel.core.execute import blocks
+from surfel.surface.narrow import narrow_rows
 from surfel.surface.neighbourhoods import Neighbourhoods
-from surfel.surface.normals import ROUGH, Planes, choose_planes, fit_planes
+from surfel.surface.noise import SAMPLE, sample_rows
+from surfel.surface.normals import ROUGH, WIDE, Planes, choose_planes, fit_planes
 from surfel.surface.projection import project
 from surfel.surface.uneven_noise import local_levels
 
@@ -76,6 +78,8 @@ def denoise(hood: Neighbourhoods, noise: float, falls: float = 0.0) -> Denoised:
     """
     levels = local_levels(hood, noise, falls)
     counts = fit_widths(levels, len(hood), noise >= TWICE_FROM)
+    narrow = narrow_rows(hood.points, hood.near, int(counts.min()), sample_rows(hood.points, SAMPLE))
+    counts[narrow] = np.maximum(counts[narrow], min(WIDE, max(len(hood) // 8, 6)))
     rough = np.maximum(ROUGH, 1.5 * levels) * hood.spacing
     normals, bend = _wide_normals(hood, counts, rough), np.zeros(len(hood))
     for _ in range(1 if noise < TWICE_FROM else 2):

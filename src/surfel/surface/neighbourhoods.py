@@ -12,6 +12,8 @@ from surfel.core.cast import Floats
 from surfel.core.execute import blocks
 from surfel.index.neighbours import PointIndex
 from surfel.surface.clean import duplicate_rows
+from surfel.surface.left_strays import NONE_LEFT, LeftStrays, left_strays
+from surfel.surface.near_strays import near_strays
 from surfel.surface.spacing import local_spacing, regularity
 from surfel.surface.strays import COLUMNS, stray_rows
 
@@ -37,6 +39,8 @@ class Neighbourhoods:
         Their rows in the index.
     spacing : Floats, shape (n,)
         Local spacing.
+    left : LeftStrays
+        What strays like those that were found, but not told from the surface, are likely to add to the area.
     """
 
     index: PointIndex
@@ -44,6 +48,7 @@ class Neighbourhoods:
     squared: Floats
     near: NDArray[np.int32]
     spacing: Floats
+    left: LeftStrays = NONE_LEFT
 
     @classmethod
     def of(cls, points: Floats, rows: NDArray[np.int64], columns: int = 1) -> Neighbourhoods:
@@ -112,8 +117,20 @@ def cleaned(points: Floats, normals: Floats | None) -> tuple[Neighbourhoods | No
         return None, counts
     if len(doubled):
         hood = hood.subset(np.delete(np.arange(len(hood)), doubled), COLUMNS)
-    strays = stray_rows(hood.points, hood.squared, hood.near)
+    strays, left = _strays(hood)
     counts["strays"] = len(strays)
     if len(strays):
-        hood = hood.subset(np.delete(np.arange(len(hood)), strays))
+        hood = replace(hood.subset(np.delete(np.arange(len(hood)), strays)), left=left)
     return hood.slim(), counts
+
+
+def _strays(hood: Neighbourhoods) -> tuple[NDArray[np.int64], LeftStrays]:
+    """Return the rows of the strays, of both kinds, and what is left of them."""
+    sparse = stray_rows(hood.points, hood.squared, hood.near)
+    found = near_strays(hood.points, hood.squared, hood.near, sparse)
+    dropped = np.zeros(len(hood), np.uint8)
+    dropped[sparse] = dropped[found.rows] = 1
+    rows = np.flatnonzero(dropped)
+    if not len(rows):
+        return rows, NONE_LEFT
+    return rows, left_strays(hood.index, hood.near, hood.spacing, dropped, found)

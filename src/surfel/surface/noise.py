@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from surfel._numba import inner, rows
 from surfel._vec import tangent_frame
 from surfel.core.cast import Floats
+from surfel.surface.narrow import SINGLE_NOISY, on_two_rows
 from surfel.surface.planes import plane_of_neighbours, solve_spd
 
 SHEETS_FROM = 0.12
@@ -89,7 +90,7 @@ def noise_level(index: NeighbourSource, chosen: NDArray[np.int32] | None = None)
     Quadrics are fitted to small and to three times larger neighbourhoods; the residual of white noise is the same in
     both, that of curvature grows with the third power of the radius, so that with residuals s and S in local spacings
     ``sigma^2 = (3^1.5 s^2 - S^2) / (3^1.5 - 1)``. Where the residual is large against the radius the
-    neighbourhoods grow.
+    neighbourhoods grow; so they do where the nearest lie on two rows of points, which anything fits.
 
     Noise is everywhere, relief is not: the level is taken from several quantiles of the residuals, each scaled by what
     it is for white noise, and the second smallest counts. A level far above what the flattest tenth of the cloud
@@ -115,11 +116,15 @@ def noise_level(index: NeighbourSource, chosen: NDArray[np.int32] | None = None)
     level, flattest = 0.0, math.inf
     wide = 48
     while wide < n // 4 and wide <= 432:
+        near = index.knn(wide, chosen)[1]
+        if _in_rows(index.points, chosen, near, wide // 3):
+            wide *= 3
+            continue
         residual = np.empty((len(chosen), 3))
-        _quadric_residuals(len(chosen), index.points, chosen, index.knn(wide, chosen)[1], wide // 3, residual)
+        _quadric_residuals(len(chosen), index.points, chosen, near, wide // 3, residual)
         level = _white_part(residual[:, 0], residual[:, 1])
         level *= 1.0 + NEAR_GROWTH * min(level, 1.0) ** 2 if wide == 48 else FAR_SHARE
-        if wide == 48:
+        if wide == 48 and not _in_rows(index.points, chosen, near, _FLAT):
             flattest = float(np.quantile(residual[:, 2], 0.10)) / 0.5
         if np.median(residual[:, 0]) * math.sqrt(math.pi / (wide // 3)) < 0.17:
             break
@@ -149,6 +154,12 @@ def is_two_sheets(index: NeighbourSource, level: float) -> bool:
     return bool(np.median(kurtosis) < TWO_SHEETS_BELOW)
 
 
+def _in_rows(points: Floats, chosen: NDArray[np.int32], near: NDArray[np.int32], few: int) -> bool:
+    """Tell whether the nearest neighbours of most points lie on two rows of points, or on one."""
+    return bool(on_two_rows(points, chosen, near, few, SINGLE_NOISY).mean() > 0.5)
+
+
+_FLAT = 6  # neighbours to whom the planes are fitted that tell how flat the flattest parts are
 _HUGE = 1e100  # residuals in spacings of points that nearly all share one place; larger ones have no squares
 
 

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from surfel._numba import rows, threads_for
 from surfel.core.cast import Floats
+from surfel.surface.narrow import narrow_rows, on_two_rows
+from surfel.surface.neighbourhoods import Neighbourhoods
+from surfel.surface.noise import SAMPLE, sample_rows
 from surfel.surface.planes import plane_of_neighbours
 from surfel.surface.projection import project
 
@@ -26,6 +29,9 @@ CANDIDATES = 24
 STEEP = 1.4
 """How far a neighbour may lie off both planes, in its distance: one that lies across them is of another sheet."""
 
+WIDE = 96
+"""Among how many neighbours there are three rows, of a grid whose rows lie up to eight steps apart."""
+
 
 class Planes(NamedTuple):
     """Planes fitted round each point: normal (n, 3) of either sign, residual (n,) in units of length, centre (n, 3)."""
@@ -40,28 +46,42 @@ class Planes(NamedTuple):
         return cls(np.empty((n, 3)), np.empty(n), np.empty((n, 3)))
 
 
-def fitted_normals(points: Floats, neighbours: NDArray[np.int32], spacing: Floats) -> Floats:
+def fitted_normals(hood: Neighbourhoods) -> Floats:
     """Return edge-aware unit normals of arbitrary sign, shape (n, 3).
 
     First planes, each point near an edge taking the best of its neighbours' (see :func:`choose_planes`); then the
     slope, at the point, of a quadric over that plane, fitted to those neighbours whose planes are alike. The slope of
-    a plane through random neighbours is off by their asymmetry times the curvature; that of a quadric is not.
+    a plane through random neighbours is off by their asymmetry times the curvature; that of a quadric is not. Where
+    the nearest lie on two rows, as along the border of a grid whose rows lie apart, more of them are asked.
 
     Parameters
     ----------
-    points : Floats, shape (n, 3)
-        Coordinates.
-    neighbours : NDArray[np.int32], shape (n, m)
-        Nearest neighbours of each point, ascending by distance, the point itself excluded.
-    spacing : Floats, shape (n,)
-        Local spacing of the points.
+    hood : Neighbourhoods
+        Of the points.
     """
+    points, near = hood.points, hood.near
     everyone = np.arange(len(points), dtype=np.int32)
     planes = Planes.empty(len(points))
-    counts = widths(len(points), NEIGHBOURS, neighbours)
-    fit_planes(points, everyone, neighbours, counts, planes)
-    chosen = choose_planes(points, neighbours, ROUGH * spacing, planes)
-    return project(points, chosen, everyone, neighbours, counts, steep=STEEP)[1]
+    counts = widths(len(points), NEIGHBOURS, near)
+    fit_planes(points, everyone, near, counts, planes)
+    narrow = narrow_rows(points, near, NEIGHBOURS, sample_rows(points, SAMPLE))
+    wide, enough = _wider(hood, narrow)
+    fit_planes(points, narrow, wide, enough, planes)
+    chosen = choose_planes(points, near, ROUGH * hood.spacing, planes)
+    normals = project(points, chosen, everyone, near, counts, steep=STEEP)[1]
+    if len(narrow):
+        normals[narrow] = project(points, chosen, narrow, wide, enough, steep=STEEP)[1]
+    return normals
+
+
+def _wider(hood: Neighbourhoods, narrow: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return more neighbours of some points, and how many of them are needed to see more than two rows."""
+    if not len(narrow):
+        return hood.near[:0], np.empty(0, np.int32)
+    wide = hood.index.knn(min(WIDE, len(hood) - 1), narrow)[1]
+    enough = widths(len(narrow), CANDIDATES, wide)
+    enough[on_two_rows(hood.points, narrow, wide, int(enough[0]))] = wide.shape[1]
+    return wide, enough
 
 
 def widths(rows: int, k: int, neighbours: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surfel.core.cast import Floats
-from surfel.core.execute import blocks
-from surfel.surface.border import along_border, border_share, in_crease, nearby_cells, unevenness
-from surfel.surface.cells import FACET, JUMP, UNCOVERED, Cells, clip_cells, reach_of
+from surfel.surface.border_mass import border_mass, in_blocks
+from surfel.surface.cells import FACET, JUMP, SPARSER, Cells, clip_cells, reach_of
 from surfel.surface.close_sheets import has_close_sheets
 from surfel.surface.denoise import Denoised, denoise, matters
 from surfel.surface.flattened import restored
@@ -32,21 +31,16 @@ SHARED = 1.4
 """How much farther the points of one of two close sheets lie apart than the spacing, which counts those of both."""
 
 FAR, BEYOND = 64, 128
-"""Neighbours that cells are asked again with where the nearest do not settle them; and where, besides, points lie denser
-than those that come next."""
+"""Neighbours that cells are asked again with where the nearest do not settle them; and where, besides, the points lie
+denser than those that come next."""
 
 FINE_RELIEF_GIVEN, FINE_RELIEF_FITTED = 0.75, 1.0
 """How much of the roughness that the normals show between points counts. Given normals show all of it, some of which
 the cells, unrolled over it, have already; normals fitted to the points are smoother (tuned on the bunny)."""
 
-WIDENED, WIDENED_FROM = 0.65, 0.13
+WIDENED, WIDENED_FROM = 0.58, 0.13
 """By how much of a square spacing each spacing of noise, above so many, widens the border at an open point (fitted to
 the open ones of the calibrating shapes)."""
-
-INSIDE = 0.4
-"""Share of the open points that are uncovered, above which they look as if they lay inside the border by chance."""
-
-_ROWS = 1 << 18  # wide neighbourhoods are looked up for so many points at a time, and never stored whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +59,10 @@ class LocalPatches:
         The tangent Voronoi cells behind the areas.
     border : Floats, shape (n,)
         The part of the areas that stands for borders.
+    doubt : Floats, shape (n,)
+        By how much more or less that may be, where the points may be those of a grid, on the border or inside it.
+    share : float
+        What each open point along a border added, in cells.
     roughness : float
         Sum of cell area times roughness.
     noise : float
@@ -86,6 +84,8 @@ class LocalPatches:
     areas: Floats
     cells: Cells
     border: Floats
+    doubt: Floats
+    share: float
     roughness: float
     noise: float
     random_border: bool
@@ -107,6 +107,7 @@ def local_patches(
     noise: float | None = None,
     star: int = 0,
     *,
+    fitted: Floats | None = None,
     sheets: bool = False,
     falls: float = 0.0,
 ) -> LocalPatches:
@@ -122,6 +123,8 @@ def local_patches(
         The noise level in spacings, where it is known already.
     star : int
         How many neighbours round each cell to keep, for the fans.
+    fitted : Floats, shape (n, 3), optional
+        What :func:`surfel.surface.normals.fitted_normals` gives, where that is known already and none are given.
     sheets : bool
         Where the noise level is known: whether the normals told close sheets from noise.
     falls : float
@@ -141,7 +144,7 @@ def local_patches(
         found = _patches_of(smooth.hood, smooth.normals, level, star, smooth)
         return replace(found, falls=falls, layers=layers)
     known = None if normals is None else normals[hood.rows]
-    return _patches_of(hood, known, level, star, sheets=sheets)
+    return _patches_of(hood, known, level, star, fitted=fitted, sheets=sheets)
 
 
 def _level(hood: Neighbourhoods, normals: Floats | None) -> tuple[float, bool, bool]:
@@ -172,6 +175,7 @@ def _patches_of(
     star: int,
     smooth: Denoised | None = None,
     *,
+    fitted: Floats | None = None,
     sheets: bool = False,
 ) -> LocalPatches:
     """Estimate the patches of points that are as clean as they will get."""
@@ -179,10 +183,10 @@ def _patches_of(
     relief = FINE_RELIEF_FITTED if normals is None else FINE_RELIEF_GIVEN
     twist = STRICT if sheets else LOOSE if projected or normals is None else largest_twist(hood, normals)
     through = 0 if projected or normals is None else 2  # fitted normals are mixed up where planes meet
-    normals = _completed(hood, normals)
+    normals = _completed(hood, normals) if fitted is None else fitted
     left = 0.0 if projected else noise
     cells = _settled_cells(hood, normals, star, 2 if projected else 1, twist, through, left)
-    border, random_border = _border(hood, normals, cells, gaps=through > 0)
+    border, doubt, share, random_border = border_mass(hood, normals, cells, noise, gaps=through > 0)
     areas = cells.area * (1.0 + cells.curved)
     rough = areas * cells.rough
     back = [0.0] * 4
@@ -195,7 +199,7 @@ def _patches_of(
         areas = areas + border + relief * _fine_relief(hood, cells) * rough
     roughness = float(rough.sum())
     return LocalPatches(
-        hood, normals, areas, cells, border, roughness, noise, random_border, projected, sheets,
+        hood, normals, areas, cells, border, doubt, share, roughness, noise, random_border, projected, sheets,
         restored=(back[0], back[1], back[2], back[3]),
     )  # fmt: skip
 
@@ -213,12 +217,12 @@ def _fine_relief(hood: Neighbourhoods, cells: Cells) -> float:
 def _completed(hood: Neighbourhoods, normals: Floats | None) -> Floats:
     """Return the given normals with the unknown ones fitted; all of them fitted where none are given."""
     if normals is None:
-        return fitted_normals(hood.points, hood.near, hood.spacing)
+        return fitted_normals(hood)
     unknown: NDArray[np.bool_] = ~np.any(normals, axis=1)
     upright = _upright(normals)
     if not unknown.any():
         return upright
-    return np.where(unknown[:, None], fitted_normals(hood.points, hood.near, hood.spacing), upright)
+    return np.where(unknown[:, None], fitted_normals(hood), upright)
 
 
 def _upright(normals: Floats) -> Floats:
@@ -248,39 +252,13 @@ def _settled_cells(
     clip(np.arange(n, dtype=np.int32), hood.near, final=k == n - 1)
     if k == n - 1:
         return cells
-    for rows in _in_blocks(np.flatnonzero(cells.secure == 0).astype(np.int32)):
+    for rows in in_blocks(np.flatnonzero(cells.secure == 0).astype(np.int32)):
         clip(rows, hood.index.knn(min(FAR, n - 1), rows)[1], final=True)
-    for rows in _in_blocks(np.flatnonzero(cells.closed == 0).astype(np.int32)):
+    for rows in in_blocks(np.flatnonzero(cells.closed == 0).astype(np.int32)):
         wide = hood.index.knn(min(BEYOND, n - 1), rows)[1]
-        beside = hood.spacing[wide].max(axis=1) > JUMP * hood.spacing[rows]
+        beside = (hood.spacing[wide] > JUMP * hood.spacing[rows, None]).sum(axis=1) >= SPARSER
         clip(rows[beside], wide[beside], final=True)
     return cells
-
-
-def _border(hood: Neighbourhoods, normals: Floats, cells: Cells, *, gaps: bool) -> tuple[Floats, bool]:
-    """Return what open points stand for beyond their cells, and whether points lie inside a border by chance.
-
-    Along a border each adds a share of a cell. Elsewhere cells are open where sheets crowd in a crease and some
-    neighbours are not told to be such: where the normals are given, what these lack of a whole cell is added.
-    """
-    border = np.zeros(len(hood))
-    opened = cells.closed == 0
-    if not opened.any() or not cells.area.any():  # points on a line have no cell, and no border either
-        return border, False
-    uncovered = (cells.uncovered & UNCOVERED) > 0
-    share = border_share(unevenness(cells.area, cells.closed, hood.near))
-    for rows in _in_blocks(np.flatnonzero(opened).astype(np.int32)):
-        wide = hood.index.knn(min(48, len(hood) - 1), rows)[1]
-        size = nearby_cells(rows, wide, cells.area, cells.closed, hood.spacing)
-        border[rows] = share * size * along_border(rows, wide, opened, uncovered)
-        if gaps:
-            lost = (border[rows] == 0.0) & in_crease(hood.points, normals, hood.near, rows)
-            border[rows] += lost * np.maximum(0.0, size - cells.area[rows])
-    return border, bool(uncovered[opened].mean() > INSIDE)
-
-
-def _in_blocks(rows: NDArray[np.int32]) -> list[NDArray[np.int32]]:
-    return [rows[start:stop] for start, stop in blocks(len(rows), _ROWS)]
 
 
 def _noisy_border(cells: Cells, spacing: Floats, levels: Floats, random_border: bool) -> Floats:

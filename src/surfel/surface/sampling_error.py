@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from surfel.core.cast import Floats
-from surfel.surface.border import in_crease
+from surfel.surface.border import LEAST_SHARE, in_crease
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.noise import axial_ranks
 from surfel.surface.patches import LocalPatches, local_patches
@@ -33,11 +33,12 @@ TOO_NOISY = 0.6
 """Noise, in spacings, above which the surface cannot be told from the noise."""
 
 THINNED = 1.15
-BORDER, BORDER_BIAS, CREASE, OPEN = 2.8, 0.28, 1.2, 1.6
+BORDER, BORDER_BIAS, CREASE, OPEN = 2.8, 0.1, 1.2, 1.6
 RELIEF, BENDS, UNSEEN_NOISE = 1.8, 0.3, 17.0
 LEFT_RELIEF, FLATTENED, DRAWN_IN, LEFT_NOISE, WIDENED = 0.7, 3.1, 1.7, 0.35, 1.15
 FLOOR = 4e-4
-"""How much each part counts in the half-width of a 95 % interval."""
+"""How much each part counts in the half-width of a 95 % interval. The bias of a border is in cells, not in shares:
+those of random points are larger, and no less certain."""
 
 
 @dataclass(frozen=True)
@@ -97,26 +98,26 @@ def sampling_error(hood: Neighbourhoods, normals: Floats | None, whole: LocalPat
         The parts of the half-width.
     """
     thinning, halves = _thinned(hood, normals, whole)
-    return SamplingError(
-        _border(whole), _roughness(whole), _noise(whole), THINNED * thinning, THINNED * halves, FLOOR * whole.area
-    )
+    beyond = max(0.0, THINNED * thinning - float(whole.doubt.sum()))  # halves of a grid have another border
+    return SamplingError(_border(whole), _roughness(whole), _noise(whole), beyond, THINNED * halves, FLOOR * whole.area)
 
 
 def _border(whole: LocalPatches) -> float:
     """Return what the shares of the border points leave open: each by itself, and all of them together.
 
     In a crease, or where sheets nearly meet, points lack neighbours as well. These are no borders, and what is missing
-    there is not what was added.
+    there is not what was added. Of a grid nothing tells whether its border runs through the outermost points.
     """
     bare = np.flatnonzero(whole.border > 0.0)
-    shares = whole.border[bare]
-    alone, together = BORDER * math.sqrt(float((shares**2).sum())), BORDER_BIAS * float(shares.sum())
+    shares, bias = whole.border[bare], BORDER_BIAS / max(whole.share, LEAST_SHARE)
+    alone, together = BORDER * math.sqrt(float((shares**2).sum())), bias * float(shares.sum())
     there = in_crease(whole.hood.points, whole.normals, whole.hood.near, bare)
     creased = CREASE * float(shares[there].sum())
     opened = 0.0
     if not whole.random_border:
-        opened = OPEN * float((whole.hood.spacing[whole.cells.closed == 0] ** 2).sum())
-    return math.hypot(alone, together, creased, opened)
+        lost = (whole.cells.closed == 0) & (whole.doubt == 0.0)
+        opened = OPEN * float((whole.hood.spacing[lost] ** 2).sum())
+    return math.hypot(alone, together, creased, opened, float(whole.doubt.sum()))
 
 
 def _roughness(whole: LocalPatches) -> float:

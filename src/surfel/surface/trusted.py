@@ -62,7 +62,8 @@ class Trusted(NamedTuple):
     """What is left of the given normals.
 
     ``normals``: shape (m, 3) in the order of the original cloud, the wrong ones replaced; None where none is believed.
-    ``refused``: whether none is believed of those that were given. ``wrong``: how many single ones are. ``slant``:
+    ``refused``: whether none is believed of those that were given; then ``fitted``, shape (n, 3) in the order of the
+    neighbourhoods, are those that the points show. ``wrong``: how many single ones are. ``slant``:
     median slant of the steps between close points, in radians.
     """
 
@@ -70,6 +71,7 @@ class Trusted(NamedTuple):
     refused: bool = False
     wrong: int = 0
     slant: float = 0.0
+    fitted: Floats | None = None
 
 
 def trusted_normals(hood: Neighbourhoods, given: Floats) -> Trusted:
@@ -90,18 +92,19 @@ def trusted_normals(hood: Neighbourhoods, given: Floats) -> Trusted:
     if hood.near.shape[1] < _NEAR:
         return Trusted(given)
     normals = np.ascontiguousarray(given[hood.rows])
-    fitted = fitted_normals(hood.points, hood.near, hood.spacing)
-    wrong = np.zeros(len(normals), np.bool_)
+    fitted = fitted_normals(hood)
+    side = np.zeros(len(normals))
     with threads_for(4 * len(normals)):
-        _judge(len(normals), hood.points, normals, hood.near, fitted, wrong)
+        _judge(len(normals), hood.points, normals, hood.near, fitted, side)
+    wrong = side != 0.0
     count = int(wrong.sum())
     slant, believed = _slant(hood, normals, fitted, wrong)
     if count > MANY * len(normals) or not believed:
-        return Trusted(None, True, count, slant)
+        return Trusted(None, True, count, slant, fitted)
     if not count:
         return Trusted(given, slant=slant)
     mended = given.copy()
-    mended[hood.rows[wrong]] = fitted[wrong]
+    mended[hood.rows[wrong]] = fitted[wrong] * side[wrong, None]
     return Trusted(mended, wrong=count, slant=slant)
 
 
@@ -147,8 +150,8 @@ def _sines(hood: Neighbourhoods, normals: Floats, first: NDArray[Any], second: N
 
 
 @rows
-def _judge(first, last, points, normals, near, fitted, wrong):
-    """Mark the normals that their neighbours deny; give the fitted ones in their place the sign of most of these."""
+def _judge(first, last, points, normals, near, fitted, side):
+    """Mark the normals that their neighbours deny by the sign with which the fitted ones face as most of these do."""
     for i in range(first, last):
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
         ux, uy, uz = fitted[i, 0], fitted[i, 1], fitted[i, 2]
@@ -171,6 +174,4 @@ def _judge(first, last, points, normals, near, fitted, wrong):
             upward += 1 if cosine_fitted > 0.0 else -1
         if like_given > _OPPOSE or on_given > _KEEP_PLANE or like_fitted < _CONCUR or on_fitted < _SHARE_PLANE:
             continue
-        wrong[i] = True
-        side = 1.0 if upward >= 0 else -1.0
-        fitted[i, 0], fitted[i, 1], fitted[i, 2] = side * ux, side * uy, side * uz
+        side[i] = 1.0 if upward >= 0 else -1.0
