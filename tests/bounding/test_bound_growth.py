@@ -247,7 +247,7 @@ def test_steep_places_stay_safe_when_many_cells_come_before_them():
     assert lid.verify(both) == (0, 0.0)
 
 
-@pytest.mark.parametrize("seed", range(36))
+@pytest.mark.parametrize("seed", range(14))
 def test_random_clouds_come_and_go(seed, tmp_path):
     come_and_go(seed, 12, tmp_path / "lid.npz")
 
