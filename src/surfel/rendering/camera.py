@@ -33,6 +33,7 @@ FROM = (0.55, -0.72, 0.42)
 
 _MARGIN = 1.06
 _WIDEST = 160.0
+_FARTHEST = 1e150
 
 
 class Projected(NamedTuple):
@@ -86,7 +87,9 @@ class Camera:
         for name in ("eye", "target"):
             x, y, z = as_vector(getattr(self, name), name).tolist()
             object.__setattr__(self, name, (x, y, z))
-        if self.distance == 0.0 or not math.isfinite(self.distance):
+        if not math.isfinite(self.distance):
+            raise InputError(f"eye and target are too far apart, {self.eye} and {self.target}; scale down what is seen")
+        if self.distance == 0.0:
             raise InputError(f"eye and target must be two places; got {self.eye} and {self.target}")
         upward = as_direction(self.up, "up")
         along = (np.array(self.target) - self.eye) / self.distance
@@ -150,6 +153,11 @@ class Camera:
         toward = as_direction(direction, "direction")
         width, height = as_size(size)
         low, high = corners(places)
+        if max(-float(low.min()), float(high.max())) > _FARTHEST:
+            raise InputError(
+                f"what is seen reaches to {float(np.abs(places).max()):g} from the origin, which squares cannot hold; "
+                "scale it down"
+            )
         middle = 0.5 * low + 0.5 * high
         radius = float(np.linalg.norm(high - middle)) or max(1.0, float(np.abs(middle).max())) * 1e-3
         start = cls(

@@ -17,6 +17,9 @@ from surfel.shapes.base import CORNERS, Shape
 from surfel.shapes.mesh import Mesh
 from surfel.shapes.surfels import Surfels
 
+FARTHEST = 1e30
+"""Hits at more than this are not seen: their squares fit no float32, and scenes are far smaller."""
+
 _BLOCK = 1 << 17
 _NEAR = 8  # surfels that tell the normal of a cloud
 _TILT = 1e-3  # of the lines that tell a normal, against the line of sight
@@ -69,7 +72,7 @@ def sight(camera: Camera, size: tuple[int, int], x: Floats, y: Floats, middle: f
     lines = camera.rays(x, y, size)
     ahead = lines.directions @ camera.frame[2]
     origins = lines.origins + (middle / ahead)[:, None] * lines.directions
-    return Sight(Lines(origins, lines.directions, lines.weights), ahead, near / ahead)
+    return Sight(Lines(origins, lines.directions, lines.weights), ahead, np.maximum(near / ahead, -FARTHEST))
 
 
 def first_hits(shape: Shape, sight: Sight) -> Hits:
@@ -86,9 +89,9 @@ def first_hits(shape: Shape, sight: Sight) -> Hits:
 
 
 def first_rows(hits: Crossings, start: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return which lines have a finite crossing beyond a t, and the row of the first."""
+    """Return which lines have a crossing beyond a t, and not too far, and the row of the first."""
     line = hits.lines
-    seen = np.flatnonzero((hits.t > start[line]) & (hits.t < np.inf))
+    seen = np.flatnonzero((hits.t > start[line]) & (hits.t < FARTHEST))
     new = np.ones(len(seen), np.bool_)
     new[1:] = line[seen[1:]] != line[seen[:-1]]
     rows = seen[new]
@@ -153,7 +156,7 @@ def cloud_at(cloud: Surfels, points: Floats, directions: Floats) -> tuple[Floats
     if splats.colors is not None:
         share = np.abs(weights)
         colors = np.einsum("ij,ijk->ik", share, splats.colors[near].astype(np.float64)) / share.sum(axis=1)[:, None]
-    return facing(normal, directions), colors, splats.index.order[lead]
+    return facing(normal, directions), colors, splats.rows[lead]
 
 
 def facing(normals: Floats, directions: Floats) -> Floats:

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from surfel.core.cast import Booleans, Floats
 from surfel.core.crossings import Crossings
 from surfel.rendering.camera import Camera
-from surfel.rendering.cast import Hits, Sight, cloud_at, first_hits, mesh_at, normals_at, sight, window
+from surfel.rendering.cast import FARTHEST, Hits, Sight, cloud_at, first_hits, mesh_at, normals_at, sight, window
 from surfel.rendering.clip_buffer import Layers, peeled
 from surfel.rendering.disks import Disks
+from surfel.rendering.extremes import check_camera
 from surfel.rendering.fragments import Fragments
 from surfel.rendering.pinholes import close_pinholes
 from surfel.rendering.places import CENTRE, Places
@@ -41,6 +42,7 @@ class Frame:
     """
 
     def __init__(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> None:
+        check_camera(camera, scene.middle)
         self.scene, self.camera, self.size = scene, camera, size
         self.middle = float((scene.middle - camera.eye) @ camera.frame[2])
         self.view: View = view_of(camera, size, self.middle, scene.reach)
@@ -208,7 +210,7 @@ class Frame:
                 rows = rows[at[rows] < hits.offsets[1:][rows]]
                 t = hits.t[at[rows]]
                 with np.errstate(invalid="ignore"):
-                    ahead = (t < np.minimum(best.t[rows], limit[rows] / looking.ahead[rows])) & (t < np.inf)
+                    ahead = (t < np.minimum(best.t[rows], limit[rows] / looking.ahead[rows])) & (t < FARTHEST)
                 rows, t = rows[ahead], t[ahead]
                 along = looking.lines.directions[rows]
                 points = looking.lines.origins[rows] + t[:, None] * along

@@ -79,8 +79,8 @@ def render(
     Raises
     ------
     InputError
-        If something is no shape, the shapes have no end and there is no camera, an argument is out of its range, or
-        there is no curve to draw.
+        If something is no shape, the shapes have no end and there is no camera, an argument is out of its range, there
+        is no curve to draw, or shapes or the camera's distances are larger than 1e15 or smaller than 1e-15.
 
     Notes
     -----

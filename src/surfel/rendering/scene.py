@@ -14,6 +14,7 @@ from surfel.booleans.sides import Rule, is_sheet
 from surfel.core.cast import Floats
 from surfel.core.errors import InputError
 from surfel.rendering.disks import CLIPPED, CREASE, EDGE, ELLIPTIC, PAINTED, Disks, joined
+from surfel.rendering.extremes import check_boxes
 from surfel.rendering.palette import leaf_color
 from surfel.rendering.shown import as_shapes
 from surfel.rendering.splats import Splats, splats_of
@@ -61,7 +62,7 @@ class Scene:
     Raises
     ------
     InputError
-        If something is no shape, or a tree subtracts a sheet.
+        If something is no shape, a tree subtracts a sheet, or sizes are too extreme for pictures.
     """
 
     def __init__(self, shapes: Any) -> None:
@@ -72,6 +73,7 @@ class Scene:
             self.items.append(_item(shape, leaves, count))
             count += len(leaves)
         self.leaves = tuple(leaf for item in self.items for leaf in item.leaves)
+        check_boxes([box for item in self.items for box in _boxes_of(item)])
         self.colors = np.array([leaf_color(k) for k in range(count)], np.float32).reshape(-1, 3)
 
     def item_of(self, leaf: int) -> Item:
@@ -178,6 +180,12 @@ def box_of(shape: Shape) -> Floats | None:
     return None if not len(box) or (isinstance(shape, Tree) and not box.any()) else box
 
 
+def _boxes_of(item: Item) -> list[Floats]:
+    """Return the boxes of what is drawn or crossed for itself: of the clouds, and of the shape as a whole."""
+    boxes = [box_of(leaf) for leaf in item.leaves if isinstance(leaf, Surfels)] + [box_of(item.shape)]
+    return [box for box in boxes if box is not None]
+
+
 def _item(shape: Shape, leaves: tuple[Shape, ...], first: int) -> Item:
     if not isinstance(shape, Tree) or not any(isinstance(leaf, Surfels) for leaf in leaves):
         return Item(shape, leaves, first, None)
@@ -204,7 +212,7 @@ def _disks(splats: Splats, leaf: int, kept: Survivors) -> Disks:
         np.ascontiguousarray(rgb),
         np.full(n, leaf, np.int32),
         flags.astype(np.uint8),
-        splats.index.order[rows].astype(np.int32),
+        splats.rows[rows],
         clips.astype(np.int32),
         planes.astype(np.float32).reshape(-1, 4),
         axes.astype(np.float32),

@@ -155,6 +155,7 @@ def _develop(
             bright, sheen = _strength(nx, ny, nz)
             for k in range(np.uint64(3), np.uint64(6)):
                 value = lit * (load(lanes, k * eight) * bright + sheen)
+                value = pick(value > _ZERO, value, _ZERO)  # what is no number fails comparisons
                 store(lanes, k * eight, pick(value < _ONE, value, _ONE) * most)
             store(lanes, np.uint64(6) * eight, lit)
             for lane in range(np.uint64(number)):
@@ -209,4 +210,6 @@ def _average(first, last, rows, places, depth, normal, color, background, linear
             for k in range(3):
                 total[k] += reached * (linear[color[s, k]] * bright + sheen)
         for k in range(3):
-            pixels[rows[r], k] = encoded[np.int32(min(total[k] / np.float32(places), _ONE) * most)]
+            value = total[k] / np.float32(places)
+            value = value if value > _ZERO else _ZERO  # what is no number fails comparisons
+            pixels[rows[r], k] = encoded[np.int32((value if value < _ONE else _ONE) * most)]

@@ -29,7 +29,7 @@ _ALL = slice(None)
 
 @dataclass(frozen=True, eq=False)
 class Splats:
-    """The disks of a cloud, sorted along a curve.
+    """The disks of a cloud, sorted along a curve; of several points at one place there is one disk.
 
     A cloud that was turned and shifted shares all but ``pose`` with the cloud that it was: all coordinates here are
     those of that one, less the ``origin`` of the index.
@@ -38,6 +38,8 @@ class Splats:
     ----------
     index : PointIndex
         Of the points; its rows are the rows of all arrays here.
+    rows : NDArray[np.int32], shape (n,)
+        Of the cloud, one for each disk.
     normals : Floats, shape (n, 3)
         Unit normals.
     radii : Floats, shape (n,)
@@ -57,6 +59,7 @@ class Splats:
     """
 
     index: PointIndex
+    rows: NDArray[np.int32]
     normals: Floats
     radii: Floats
     bends: Floats
@@ -118,46 +121,79 @@ def eight_bit(colors: NDArray[Any]) -> NDArray[np.uint8]:
 
 def _splats_of(cloud: Surfels) -> Splats:
     index = cloud.operand.index if cloud.clips is None else PointIndex(cloud.points)
-    order = index.order
-    normals = _normals(cloud)[order]
-    near = index.knn(min(BESIDE, len(cloud) - 1))[1] if len(cloud) > 1 else np.empty((1, 0), np.int32)
+    order, found = index.order, outward_normals(cloud)
+    squares, near = _neighbours(index)
+    again = squares[:, :1].ravel() == 0.0
+    if again.any() and cloud.clips is None and cloud.axes is None:  # clipped surfels share places by intention
+        order, found = one_of_each(cloud.points, np.sort(order[again]), found)
+        index = PointIndex(cloud.points[order])
+        order = order[index.order]
+        squares, near = _neighbours(index)
+    normals = found[order]
+    normals[~normals.any(axis=1)] = [0.0, 0.0, 1.0]  # any, where none is known
     axes = None
     if cloud.axes is None:
-        radii = covering_radii(index.points, normals, near, _radii(cloud, index))
+        radii = covering_radii(index.points, normals, near, _radii(cloud, order, squares))
     else:
         axes = cloud.axes[order].reshape(-1, 6)
         radii = np.sqrt(np.maximum((axes[:, :3] ** 2).sum(axis=1), (axes[:, 3:] ** 2).sum(axis=1)))
     near = np.ascontiguousarray(near[:, :AROUND])
     creased, own_clips, own_planes = crease_planes(index.points, normals, radii, near)
     rounded = creased & (np.diff(own_clips) == 0)
-    bends = np.zeros(len(cloud)) if axes is not None else bends_of(index.points, normals, radii, near, rounded)
+    bends = np.zeros(len(order)) if axes is not None else bends_of(index.points, normals, radii, near, rounded)
     clips, planes = _joined(own_clips, own_planes, *_given_clips(cloud, order))
     colors = None if cloud.colors is None else eight_bit(cloud.colors)[order]
     pose = np.column_stack([np.eye(3), index.origin])
-    return Splats(index, normals, radii, bends, colors, axes, creased, clips, planes, pose)
+    return Splats(index, order, normals, radii, bends, colors, axes, creased, clips, planes, pose)
 
 
-def _normals(cloud: Surfels) -> Floats:
-    """Return the given normals, or those learnt from the points; any where neither is known."""
-    found = outward_normals(cloud)
-    known = found.any(axis=1)
-    return found if known.all() else np.where(np.asarray(known)[:, None], found, np.array([0.0, 0.0, 1.0]))
+def _neighbours(index: PointIndex) -> tuple[Floats, NDArray[np.int32]]:
+    """Return the squared distances and the rows of the neighbours that bound the cells; none of a single point."""
+    if len(index) == 1:
+        return np.empty((1, 0)), np.empty((1, 0), np.int32)
+    return index.knn(min(BESIDE, len(index) - 1))
 
 
-def _radii(cloud: Surfels, index: PointIndex) -> Floats:
+def one_of_each(points: Floats, doubled: NDArray[np.int32], normals: Floats) -> tuple[NDArray[np.int32], Floats]:
+    """Return the rows of a cloud that are left when of several points at one place the first is kept, and normals.
+
+    Points that repeat would be their own neighbours, and their disks would reach no farther than themselves.
+
+    Parameters
+    ----------
+    points : Floats, shape (n, 3)
+        The cloud.
+    doubled : NDArray[np.int32], shape (m,)
+        Rows that may repeat a place, ascending.
+    normals : Floats, shape (n, 3)
+        Zero where not known. Of those returned the first of a place has the first that is known there.
+    """
+    x, y, z = points[doubled].T
+    order = np.lexsort((z, y, x))  # stable: rows ascend within a place
+    places = points[doubled[order]]
+    new = np.concatenate([[True], (places[1:] != places[:-1]).any(axis=1)])
+    first = doubled[order[new]]
+    knowing = doubled[np.lexsort((~normals[doubled].any(axis=1), z, y, x))[new]]
+    normals = normals.copy()
+    normals[first] = normals[knowing]
+    left = np.ones(len(points), np.bool_)
+    left[doubled], left[first] = False, True
+    return np.flatnonzero(left).astype(np.int32), normals
+
+
+def _radii(cloud: Surfels, order: NDArray[np.int32], squares: Floats) -> Floats:
     """Return how far disks reach: to the sixth neighbour at least, for those of a surfel's share leave holes."""
-    n = len(cloud)
-    if n == 1:
+    if len(order) == 1:
         reach = np.array([1e-3 * max(1.0, float(np.abs(cloud.points).max()))])
     else:
-        squares = index.knn(min(NEIGHBOUR, n - 1))[0]
+        squares = squares[:, :NEIGHBOUR]
         reach = _reach(squares) * np.sqrt(squares[:, -1])
         some = reach[reach > 0.0]
         usual = float(np.median(some)) if len(some) else 1e-3 * max(1.0, float(np.abs(cloud.points).max()))
         reach = np.minimum(np.where(reach > 0.0, reach, usual), _LARGEST * usual)
     if cloud.radii is None:
         return reach
-    given = cloud.radii[index.order]
+    given = cloud.radii[order]
     return np.where(np.isfinite(given), np.maximum(given, reach), reach)
 
 

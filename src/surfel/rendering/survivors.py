@@ -110,11 +110,10 @@ def _in_cloud(cloud: Surfels, splats: Splats, other: Surfels) -> Beside:
     rest, motion = cloud._at_rest
     operand = rest.operand
     found = asked(other, operand, pose=motion, reach=reach)
-    kind, near = np.empty(n, np.int8), np.empty(n, np.bool_)
+    kind, near = np.empty(len(rest), np.int8), np.empty(len(rest), np.bool_)
     kind[operand.order] = found.kind
     near[operand.order] = found.near | (found.kind > IN)
-    order = splats.index.order
-    kind, near = kind[order], near[order] | (splats.radii > reach)
+    kind, near = kind[splats.rows], near[splats.rows] | (splats.radii > reach)
     places = np.flatnonzero(near & (kind <= IN))
     near[places] = _parted(splats, places, kind[places] == IN, lambda points: asked(other, points).inside)
     on = kind > IN
