@@ -85,7 +85,7 @@ def test_a_little_disorder_does_not_move_the_border(jitter):
     inner = area_over(HEIGHTS["waves"], (0.0, 0.0), (1.0, 1.0))
     value, low, high = interval(points)
     assert low < inner < high
-    assert high - value < 2.3 / n
+    assert high - value < 2.5 / n
     if jitter <= 0.2:
         assert value == pytest.approx(inner, rel=0.3 / n)
 

@@ -6,7 +6,7 @@ among it. The corrections that were made are not exact, and err by a share of th
 points, bent patches, noise. And nothing is claimed to be known exactly.
 
 How much each part counts was fitted to clouds of known area by maximum likelihood, with a Student distribution of four
-degrees of freedom, and the whole was scaled by one number so that 96 % of these clouds were held. The benchmark
+degrees of freedom, and the whole is scaled by one number so that 95 % of these clouds are held. The benchmark
 ``coverage clouds`` names their shapes, and counts on others.
 """
 
@@ -40,6 +40,9 @@ FLOOR = 4e-4
 """How much each part counts in the half-width of a 95 % interval. The bias of a border is in cells, not in shares:
 those of random points are larger, and no less certain."""
 
+SCALED = 1.06
+"""The number by which the whole is scaled, so that 95 % of the calibrating clouds are held."""
+
 
 @dataclass(frozen=True)
 class SamplingError:
@@ -70,9 +73,9 @@ class SamplingError:
 
     @property
     def half_width(self) -> float:
-        """The root of the sum of squares of the parts."""
+        """The root of the sum of squares of the parts, scaled."""
         parts = (self.border, self.roughness, self.noise, self.thinning, self.halves, self.floor)
-        return math.sqrt(sum(part * part for part in parts))
+        return SCALED * math.sqrt(sum(part * part for part in parts))
 
     @property
     def standard_error(self) -> float:
