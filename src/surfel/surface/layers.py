@@ -16,7 +16,7 @@ import numpy as np
 from surfel._numba import rows
 from surfel._vec import tangent_frame
 from surfel.surface.neighbourhoods import Neighbourhoods
-from surfel.surface.noise import quadric_residual, sample_rows
+from surfel.surface.noise import over_quadric, quadric_residual, sample_rows
 from surfel.surface.planes import plane_of_neighbours
 
 ABOVE = 0.1
@@ -31,8 +31,8 @@ SHARE = 0.2
 SHEETS = 0.3
 """With more pairs than this, for each of these, that lie as far apart as sheets, they are walls."""
 
-LEAST_PAIRS = 60
-"""Fewer pairs tell nothing."""
+LEAST = 12
+"""Fewer of them tell nothing."""
 
 _SAMPLE, _NEIGHBOURS = 20_000, 12
 
@@ -49,7 +49,7 @@ def layers_level(hood: Neighbourhoods) -> float:
     layers = noise & (step > apart)
     count = np.count_nonzero(layers)
     sheets = np.count_nonzero(above & (step > SHEETS_FROM) & (step < SHEETS_TO))
-    if count < max(LEAST_PAIRS * SHARE, SHARE * np.count_nonzero(noise)) or sheets > SHEETS * count:
+    if count < max(LEAST, SHARE * np.count_nonzero(noise)) or sheets > SHEETS * count:
         return 0.0
     return math.sqrt(0.5 * float(np.square(step[layers]).sum()) / np.count_nonzero(noise))
 
@@ -74,8 +74,7 @@ def _write_steps(first, last, points, chosen, near, spacing, apart, step):
             x, y, z = points[j, 0] - cx, points[j, 1] - cy, points[j, 2] - cz
             u = (x * e[0] + y * e[1] + z * e[2]) * scale
             v = (x * e[3] + y * e[4] + z * e[5]) * scale
-            fit = right[0] + right[1] * u + right[2] * v + right[3] * u * u + right[4] * u * v + right[5] * v * v
-            above = x * nx + y * ny + z * nz - fit
+            above = over_quadric(right, u, v, x * nx + y * ny + z * nz)
             if a < 0:
                 own_u, own_v, own_off = u, v, above
                 continue

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel._numba import inner, rows
+from surfel._numba import inlined, inner, rows
 from surfel._vec import tangent_frame
 from surfel.core.cast import Floats
 from surfel.surface.narrow import SINGLE_NOISY, on_two_rows
@@ -223,6 +223,12 @@ def quadric_residual(points, i, neighbours, row, k, f, matrix, right):
     return math.sqrt(max(square, 0.0) / (k - 5))
 
 
+@inlined
+def over_quadric(right, u, v, w):
+    """Return how far a place of height w lies above the quadric that :func:`quadric_residual` left in ``right``."""
+    return w - (right[0] + right[1] * u + right[2] * v + right[3] * u * u + right[4] * u * v + right[5] * v * v)
+
+
 @rows
 def _kurtoses(first, last, points, chosen, neighbours, kurtosis):
     """Write the kurtosis of the residuals of a quadric over each chosen point and its neighbours."""
@@ -246,8 +252,7 @@ def _kurtoses(first, last, points, chosen, neighbours, kurtosis):
             x, y, z = points[j, 0] - cx, points[j, 1] - cy, points[j, 2] - cz
             u = (x * e[0] + y * e[1] + z * e[2]) * scale
             v = (x * e[3] + y * e[4] + z * e[5]) * scale
-            fit = right[0] + right[1] * u + right[2] * v + right[3] * u * u + right[4] * u * v + right[5] * v * v
-            off = x * nx + y * ny + z * nz - fit
+            off = over_quadric(right, u, v, x * nx + y * ny + z * nz)
             second += off * off
             fourth += off * off * off * off
         kurtosis[row] = (k + 1) * fourth / (second * second) if second > 0.0 else 3.0

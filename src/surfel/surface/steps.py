@@ -20,7 +20,7 @@ from surfel._numba import rows
 from surfel._vec import tangent_frame
 from surfel.core.cast import Floats
 from surfel.surface.neighbourhoods import Neighbourhoods
-from surfel.surface.noise import SAMPLE, quadric_residual, sample_rows
+from surfel.surface.noise import SAMPLE, over_quadric, quadric_residual, sample_rows
 from surfel.surface.planes import plane_of_neighbours
 from surfel.surface.twist import off_arc
 
@@ -105,8 +105,7 @@ def _write_steps(first, last, points, chosen, near, spacing, step):
             x, y, z = points[j, 0] - cx, points[j, 1] - cy, points[j, 2] - cz
             u = (x * e[0] + y * e[1] + z * e[2]) * scale
             v = (x * e[3] + y * e[4] + z * e[5]) * scale
-            fit = right[0] + right[1] * u + right[2] * v + right[3] * u * u + right[4] * u * v + right[5] * v * v
-            off = x * nx + y * ny + z * nz - fit - off
+            off = over_quadric(right, u, v, x * nx + y * ny + z * nz) - off
         step[row] = abs(off) / spacing[i]
 
 
