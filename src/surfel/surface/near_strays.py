@@ -65,6 +65,10 @@ class OffSurface(NamedTuple):
         return OffSurface(rows, heights, normals, spacings)
 
 
+NOTHING_OFF = OffSurface(np.empty(0, np.int64), np.empty(0), np.empty((0, 3)), np.empty(0))
+"""Where all places lie on the surface."""
+
+
 def near_strays(
     points: Floats, squared: Floats, neighbours: NDArray[np.int32], strays: NDArray[np.int64]
 ) -> OffSurface:
@@ -100,13 +104,26 @@ def near_strays(
 def _unneeded(points: Floats, neighbours: NDArray[np.int32], ignored: NDArray[np.uint8]) -> OffSurface:
     """Return the points off the surface that are no sheet of their own."""
     found = off_surface(points, points, neighbours, neighbours, ignored)
-    if not len(found.rows):
-        return found
-    place = np.full(len(points), -1, np.int32)
-    place[found.rows] = np.arange(len(found.rows), dtype=np.int32)
-    mates = np.zeros(len(found.rows), np.int64)
-    _count_mates(points, neighbours, ignored, place, found.heights, found.normals, mates)
-    return found.where(mates < SEVERAL)
+    return found.where(mates(found, points, neighbours, ignored, np.arange(len(points), dtype=np.int32)) < SEVERAL)
+
+
+def mates(
+    found: OffSurface,
+    points: Floats,
+    neighbours: NDArray[np.int32],
+    ignored: NDArray[np.uint8],
+    group: NDArray[np.int32],
+) -> NDArray[np.int64]:
+    """Return for each point off a surface how many that count it among their nearest lie off that surface as well.
+
+    ``group`` (n,) numbers the points; those of one number do not speak for each other.
+    """
+    count = np.zeros(len(found.rows), np.int64)
+    if len(count):
+        place = np.full(len(points), -1, np.int32)
+        place[found.rows] = np.arange(len(count), dtype=np.int32)
+        _count_mates(points, neighbours, ignored, group, place, found.heights, found.normals, count)
+    return count
 
 
 def off_surface(
@@ -268,7 +285,7 @@ def _plane(px, py, pz, points, neighbours, row, k, ignored, without):
 
 
 @kernel
-def _count_mates(points, neighbours, ignored, place, heights, normals, mates):
+def _count_mates(points, neighbours, ignored, group, place, heights, normals, count):
     """Count for each point off a surface those that have it among their nearest, and lie off that surface as well."""
     for q in range(len(points)):
         if ignored[q] == STRAY:
@@ -278,6 +295,8 @@ def _count_mates(points, neighbours, ignored, place, heights, normals, mates):
             if c < 0:
                 continue
             j = neighbours[q, a]
+            if group[j] == group[q]:
+                continue
             x, y, z = points[q, 0] - points[j, 0], points[q, 1] - points[j, 1], points[q, 2] - points[j, 2]
             if normals[c, 0] * x + normals[c, 1] * y + normals[c, 2] * z > -(1.0 - SHARED) * heights[c]:
-                mates[c] += 1
+                count[c] += 1

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from surfel.core.cast import Floats
 from surfel.core.execute import blocks
 from surfel.index.neighbours import PointIndex
+from surfel.surface.apart import strays_apart
 from surfel.surface.clean import duplicate_rows
 from surfel.surface.left_strays import NONE_LEFT, LeftStrays, left_strays
 from surfel.surface.near_strays import near_strays
@@ -127,9 +128,12 @@ def cleaned(points: Floats, normals: Floats | None) -> tuple[Neighbourhoods | No
 def _strays(hood: Neighbourhoods) -> tuple[NDArray[np.int64], LeftStrays]:
     """Return the rows of the strays, of both kinds, and what is left of them."""
     sparse = stray_rows(hood.points, hood.squared, hood.near)
-    found = near_strays(hood.points, hood.squared, hood.near, sparse)
+    far, above = strays_apart(hood.points, hood.squared, hood.near, hood.spacing, sparse)
+    known = np.concatenate([sparse, far, above.rows])
+    found = near_strays(hood.points, hood.squared, hood.near, known)
+    found = found.joined(above.where(~np.isin(above.rows, found.rows)))
     dropped = np.zeros(len(hood), np.uint8)
-    dropped[sparse] = dropped[found.rows] = 1
+    dropped[known] = dropped[found.rows] = 1
     rows = np.flatnonzero(dropped)
     if not len(rows):
         return rows, NONE_LEFT
