@@ -62,7 +62,7 @@ def strays_apart(
 
 
 def _groups(apart: NDArray[np.int64], neighbours: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return numbers of all points: the same for those apart that are near each other and fewer than a surface needs."""
+    """Return numbers of all points: the same for few of those apart that are near each other."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
