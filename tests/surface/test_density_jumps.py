@@ -19,16 +19,16 @@ def parted(shape, n: int, ratio: float, seed: int) -> truth.Sampled:
 
 
 @pytest.mark.parametrize("given", [True, False])
-@pytest.mark.parametrize("ratio", [4.0, 12.0])
+@pytest.mark.parametrize("ratio", [4.0, 12.0, 30.0])
 @pytest.mark.parametrize("shape", [truth.sphere, truth.torus])
 def test_no_area_is_lost_where_the_density_jumps(shape, ratio, given):
-    """A quarter of a percent was lost at a ratio of 8: triangles between the two sides that dense points dropped."""
+    """A quarter of a percent was lost at 8, two at 30: triangles between the two sides that dense points dropped."""
     errors = []
     for seed in range(3):
         cloud = parted(shape, 12_000, ratio, seed)
         hood = Neighbourhoods.of(cloud.points, np.arange(len(cloud.points)))
         errors.append(local_patches(hood, cloud.normals if given else None).area / cloud.area - 1.0)
-    assert abs(np.mean(errors)) < 0.0012
+    assert abs(np.mean(errors)) < (0.0012 if ratio < 16.0 else 0.003)
 
 
 def test_a_border_stays_one_beside_a_jump():

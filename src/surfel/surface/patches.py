@@ -30,9 +30,12 @@ from surfel.surface.uneven_noise import uneven_level
 SHARED = 1.4
 """How much farther the points of one of two close sheets lie apart than the spacing, which counts those of both."""
 
-FAR, BEYOND = 64, 128
+FAR, BEYOND, FAR_BEYOND = 64, 128, 512
 """Neighbours that cells are asked again with where the nearest do not settle them; and where, besides, the points lie
-denser than those that come next."""
+denser than those that come next, or so many times denser that these are not among the first."""
+
+STEEP_JUMP, STEEP_SHARE = 3.0, 0.005
+"""How many times farther apart points lie beyond a jump of density that is as steep, and how large a share of them."""
 
 FINE_RELIEF_GIVEN, FINE_RELIEF_FITTED = 0.75, 1.0
 """How much of the roughness that the normals show between points counts. Given normals show all of it, some of which
@@ -254,10 +257,12 @@ def _settled_cells(
         return cells
     for rows in in_blocks(np.flatnonzero(cells.secure == 0).astype(np.int32)):
         clip(rows, hood.index.knn(min(FAR, n - 1), rows)[1], final=True)
-    for rows in in_blocks(np.flatnonzero(cells.closed == 0).astype(np.int32)):
-        wide = hood.index.knn(min(BEYOND, n - 1), rows)[1]
-        beside = (hood.spacing[wide] > JUMP * hood.spacing[rows, None]).sum(axis=1) >= SPARSER
-        clip(rows[beside], wide[beside], final=True)
+    dense, sparse = np.quantile(hood.spacing, [STEEP_SHARE, 1.0 - STEEP_SHARE])
+    for beyond in (BEYOND, FAR_BEYOND) if sparse > STEEP_JUMP * dense else (BEYOND,):
+        for rows in in_blocks(np.flatnonzero(cells.closed == 0).astype(np.int32)):
+            wide = hood.index.knn(min(beyond, n - 1), rows)[1]
+            beside = (hood.spacing[wide] > JUMP * hood.spacing[rows, None]).sum(axis=1) >= SPARSER
+            clip(rows[beside], wide[beside], final=True)
     return cells
 
 
