@@ -93,3 +93,18 @@ def test_flat_parts_do_not_hide_what_rounding_makes_of_the_others(given):
     found = surfel.measure(surfel.Surfels(points, normals if given else None), lines=16, seed=1)
     assert float(found.area.value) == pytest.approx(float(exact.value), rel=0.01)  # 6 % too large without
     assert found.noise == pytest.approx(0.3 / math.sqrt(12.0), rel=0.2)
+
+
+@pytest.mark.parametrize("cells", [18, 30])
+@pytest.mark.parametrize("phase", [0.1, 0.25, 0.5])
+def test_faces_between_the_rows_of_a_lattice_are_no_rounding(cells, phase):
+    """Vertices as marching cubes give them: on the edges of a lattice, where these pass through the faces of a box."""
+    along = (np.arange(cells) + phase) / cells
+    u, v = (side.ravel() for side in np.meshgrid(along, along))
+    faces = [
+        np.roll(np.column_stack([np.full(u.size, w), u, v]), axis, axis=1) for axis in range(3) for w in (0.0, 1.0)
+    ]
+    points = np.concatenate(faces)
+    assert level_of(points) == 0.0
+    area = surfel.measure(surfel.Surfels(points), lines=16).area
+    assert area.value == pytest.approx(6.0, rel=0.002)

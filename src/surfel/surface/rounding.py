@@ -26,6 +26,10 @@ GRID_FROM, ON_A_GRID = 0.3, 0.9
 """Steps of so many spacings are rows of a grid, where so many of the points have their nearest neighbour in the same
 row, or column."""
 
+ALL_TAKEN = 1.5
+"""A step is none of a rounding where most places are more than so many of it from the next: a grid has one step between
+its places, and another to where a face happens to lie."""
+
 _POINTS = 4000
 _FEW, _GAPS = 8, 64  # places that tell nothing; gaps that are looked at
 _OFF = 0.1  # how far a place may lie off the multiples of the step, in steps
@@ -46,6 +50,8 @@ def rounding_level(hood: Neighbourhoods) -> float:
     chosen = sample_rows(hood.points, _POINTS)
     place = hood.points[chosen]
     steps = np.array([_step_of(column, SMALLEST * spacing) for column in place.T])
+    for axis in np.flatnonzero(steps):
+        steps[axis] *= _is_taken(place[:, axis], float(steps[axis]))
     wide = steps >= GRID_FROM * spacing
     apart = np.abs(hood.points[hood.near[chosen, 0]] - place)[:, wide]
     if wide.any() and ((apart > 0.5 * steps[wide]).sum(axis=1) <= 1).mean() > ON_A_GRID:
@@ -69,6 +75,12 @@ def _step_of(values: Floats, least: float) -> float:
     extent = float(places[-1] - places[0])
     turns = (places - places[0]) * (round(extent / step) / extent)
     return step if float(np.abs(turns - np.round(turns)).max()) < _OFF else 0.0
+
+
+def _is_taken(values: Floats, step: float) -> bool:
+    """Tell whether most multiples of the step are among the values, as far as so few can show it."""
+    places = np.unique(np.round(values / step))
+    return 2.0 * (places[-1] - places[0]) > len(values) or float(np.median(np.diff(places))) < ALL_TAKEN
 
 
 def _common(large: float, small: float, blur: float) -> float:
