@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from surfel._numba import kernel
 from surfel.bounding.evaluate import cell_of
 from surfel.bounding.lanes import row_add, row_times
-from surfel.bounding.normal import Unknowns, add_cell, fill_row
-from surfel.bounding.runs import dot_run, gram_run
+from surfel.bounding.normal import PAD, Unknowns, add_cell, fill_row
+from surfel.bounding.runs import dot_run, gram_into, gram_run
 from surfel.core.cast import Floats, Integers
 
 
@@ -108,10 +108,16 @@ def _transposed(cell, weight, y, sums):
 
 @kernel
 def _add_normal(cell, weight, theta, along_u, along_v, step_u, step_v, band):
-    local, flat = np.zeros(256), weight.ravel()
+    local, flat, into = np.zeros(256), weight.ravel(), band.ravel()
+    step = band.shape[1] - 1
     first = 0
     for i in range(1, theta.shape[0] + 1):
         if i == theta.shape[0] or cell[i, 0] != cell[first, 0] or cell[i, 1] != cell[first, 1]:
-            gram_run(local, theta, flat, first, i - first)
-            add_cell(local, cell[first, 0], cell[first, 1], along_u, along_v, step_u, step_v, band)
+            h, k = cell[first, 0], cell[first, 1]
+            if step_v == 1 and along_u[h + 3] - along_u[h] == 3 and along_v[k + 3] - along_v[k] == 3:
+                place = along_u[h] * step_u + along_v[k]
+                gram_into(into, place * step + place + step - PAD, step_u, step, theta, flat, first, i - first)
+            else:
+                gram_run(local, theta, flat, first, i - first)
+                add_cell(local, h, k, along_u, along_v, step_u, step_v, band)
             first = i

@@ -102,17 +102,7 @@ def fill_row(s, t, row):
 @inner
 def add_cell(local, h, k, along_u, along_v, step_u, step_v, band):
     """Add the symmetric 16 x 16 matrix of a cell, of which the lower triangle counts, to the band."""
-    size, stride = band.shape
-    width = stride - 1 - PAD
-    if step_v == 1 and size == along_u.shape[0] * along_v.shape[0]:  # four coefficients along v lie side by side
-        flat = band.ravel()
-        for a in range(16):
-            i = (h + a // 4) * step_u + k + a % 4
-            for c in range(a // 4 + 1):  # on the diagonal the last of them may fall into the pad
-                row = i * stride + (h + c) * step_u + k - i + width
-                for b in range(4):
-                    flat[row + b] += local[16 * a + 4 * c + b]
-        return
+    width = band.shape[1] - 1 - PAD
     places = np.empty(16, np.int64)
     for a in range(16):
         places[a] = along_u[h + a // 4] * step_u + along_v[k + a % 4] * step_v

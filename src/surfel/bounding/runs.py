@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from surfel.bounding.vectors import EIGHT, F64, I32, I64, address, every, fused, load, pick, sums_of
+from surfel.bounding.vectors import EIGHT, F64, FOUR, I32, I64, address, every, fused, load, pick, sums_of
 
 
 @intrinsic
@@ -96,20 +96,57 @@ def gram_run(typing, local, theta, weight, first, count):  # type: ignore[no-unt
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         out, factors, flat = (context.make_array(signature.args[i])(context, builder, values[i]).data for i in range(3))
-        zero = ir.Constant(EIGHT, [ir.Constant(F64, 0.0)] * 8)
-        halves = [(a, half) for a in range(16) for half in range(1 if a < 8 else 2)]
-        sums = [cgutils.alloca_once_value(builder, zero) for _ in halves]
-        with cgutils.for_range(builder, values[4]) as loop:
-            i = builder.add(values[3], loop.index)
-            theta, at = every(builder, builder.load(builder.gep(factors, [i]))), builder.mul(i, ir.Constant(I64, 16))
-            places = [builder.add(at, ir.Constant(I64, a)) for a in range(16)]
-            parts = [builder.fmul(theta, load(builder, flat, places[8 * half], EIGHT)) for half in (0, 1)]
-            for (a, half), total in zip(halves, sums, strict=True):
-                one = every(builder, builder.load(builder.gep(flat, [places[a]])))
-                builder.store(fused(builder, one, parts[half], builder.load(total)), total)
-        for (a, half), total in zip(halves, sums, strict=True):
+        for (a, half), total in _gram(builder, factors, flat, values[3], values[4]):
             pointer = address(builder, out, ir.Constant(I64, 16 * a + 8 * half), EIGHT)
-            builder.store(builder.load(total), pointer, align=8)
+            builder.store(total, pointer, align=8)
         return context.get_dummy_value()
 
     return types.void(local, theta, weight, types.int64, types.int64), generate
+
+
+@intrinsic
+def gram_into(typing, band, at, across, step, theta, weight, first, count):  # type: ignore[no-untyped-def]
+    """Add the sums of :func:`gram_run` to the rows of a flat band matrix, for coefficients that lie four by four.
+
+    The diagonal of the first coefficient is ``band[at]``; those of one column are ``across`` unknowns apart, and the
+    diagonals of neighbouring unknowns ``step + 1`` places. On the diagonal some run over into the pad.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        out, factors, flat = (
+            context.make_array(signature.args[i])(context, builder, values[i]).data for i in (0, 4, 5)
+        )
+        _, at, across, step = values[:4]
+        sums = dict(_gram(builder, factors, flat, values[6], values[7]))
+        for p in range(4):
+            for q in range(4):
+                row = builder.add(builder.mul(across, ir.Constant(I64, p)), ir.Constant(I64, q))
+                place = builder.add(at, builder.mul(row, step))
+                for c in range(p + 1):
+                    lanes = [4 * (c % 2) + b for b in range(4)]
+                    more = pick(builder, sums[4 * p + q, c // 2], lanes)
+                    pointer = address(builder, out, place, FOUR)
+                    builder.store(builder.fadd(builder.load(pointer, align=8), more), pointer, align=8)
+                    place = builder.add(place, across)
+        return context.get_dummy_value()
+
+    i = types.int64
+    return types.void(band, i, i, i, theta, weight, i, i), generate
+
+
+def _gram(builder: Any, factors: Any, flat: Any, first: Any, count: Any) -> list[tuple[tuple[int, int], Any]]:
+    """Return the lower half of ``sum theta_i w_i w_i^T``: for rows a and halves of them eight sums each."""
+    zero = ir.Constant(EIGHT, [ir.Constant(F64, 0.0)] * 8)
+    halves = [(a, half) for a in range(16) for half in range(1 if a < 8 else 2)]
+    sums = [cgutils.alloca_once_value(builder, zero) for _ in halves]
+    for total in sums:
+        builder.store(zero, total)
+    with cgutils.for_range(builder, count) as loop:
+        i = builder.add(first, loop.index)
+        theta, at = every(builder, builder.load(builder.gep(factors, [i]))), builder.mul(i, ir.Constant(I64, 16))
+        places = [builder.add(at, ir.Constant(I64, a)) for a in range(16)]
+        parts = [builder.fmul(theta, load(builder, flat, places[8 * half], EIGHT)) for half in (0, 1)]
+        for (a, half), total in zip(halves, sums, strict=True):
+            one = every(builder, builder.load(builder.gep(flat, [places[a]])))
+            builder.store(fused(builder, one, parts[half], builder.load(total)), total)
+    return [(place, builder.load(total)) for place, total in zip(halves, sums, strict=True)]
