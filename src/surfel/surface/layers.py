@@ -12,9 +12,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from surfel._numba import rows
 from surfel._vec import tangent_frame
+from surfel.core.cast import Floats
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.noise import over_quadric, quadric_residual, sample_rows
 from surfel.surface.planes import plane_of_neighbours
@@ -34,6 +36,9 @@ SHEETS = 0.3
 LEAST = 12
 """Fewer of them tell nothing."""
 
+IN_PART, AROUND = 0.5, 12
+"""Where scans overlap in a part only, so large a share of this many pairs that lie nearest each other are of layers."""
+
 _SAMPLE, _NEIGHBOURS = 20_000, 12
 
 
@@ -44,14 +49,32 @@ def layers_level(hood: Neighbourhoods) -> float:
     chosen = sample_rows(hood.points, _SAMPLE)
     apart, step = np.empty(len(chosen)), np.empty(len(chosen))
     _write_steps(len(chosen), hood.points, chosen, hood.near, hood.spacing, apart, step)
-    above = apart < ABOVE
-    noise = above & (step < NOISE_TO)
-    layers = noise & (step > apart)
+    above = np.flatnonzero((apart < ABOVE) & (step < SHEETS_TO))
+    step, off = step[above], step[above] > apart[above]
+    level = _level_of(step, off)
+    return level if level > 0.0 else _level_in_part(hood.points[chosen[above]], step, off)
+
+
+def _level_of(step: Floats, off: NDArray[np.bool_]) -> float:
+    """Return the noise that pairs of such steps make, some of them ``off`` by more than their distance."""
+    noise = step < NOISE_TO
+    layers = noise & off
     count = np.count_nonzero(layers)
-    sheets = np.count_nonzero(above & (step > SHEETS_FROM) & (step < SHEETS_TO))
+    sheets = np.count_nonzero(off & (step > SHEETS_FROM))
     if count < max(LEAST, SHARE * np.count_nonzero(noise)) or sheets > SHEETS * count:
         return 0.0
     return math.sqrt(0.5 * float(np.square(step[layers]).sum()) / np.count_nonzero(noise))
+
+
+def _level_in_part(places: Floats, step: Floats, off: NDArray[np.bool_]) -> float:
+    """Return the same for those pairs most of whose nearest pairs are of layers as well."""
+    from scipy.spatial import cKDTree
+
+    if np.count_nonzero(off) < LEAST or len(off) < AROUND:
+        return 0.0
+    near = cKDTree(places).query(places, AROUND)[1]
+    there = off[near].mean(axis=1) >= IN_PART
+    return _level_of(step[there], off[there])
 
 
 @rows
