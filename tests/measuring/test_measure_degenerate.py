@@ -119,8 +119,8 @@ def test_extreme_scales_change_nothing_but_the_unit(factor):
     assert theirs.volume.reliable
 
 
-@pytest.mark.parametrize("factor", [1e200, 1e-200])
-def test_scales_whose_squares_no_float_holds_are_refused_with_the_cure(factor):
+@pytest.mark.parametrize("factor", [1e200, 1e120, 1e-120, 1e-200])
+def test_scales_whose_cubes_no_float_holds_are_refused_with_the_cure(factor):
     with pytest.raises(surfel.InputError, match="scale"):
         surfel.measure(surfel.Surfels(BALL * factor))
 

@@ -40,6 +40,8 @@ Value = TypeVar("Value")
 SLIVER = 0.05
 """Surfels of which a cut has left less than this share of the median area add it to the others."""
 
+_LARGEST = 1e100  # half extents beyond, and below one over it, have no cube
+
 
 class CloudSurface:
     """The surface of a cloud, in the coordinates of the cloud unless said otherwise.
@@ -67,11 +69,11 @@ class CloudSurface:
         low, high = corners(points) if len(points) else np.zeros((2, 3))
         self.origin = 0.5 * low + 0.5 * high
         extent = float((0.5 * high - 0.5 * low).max())
-        if not extent < 1e150:
+        if extent > 0.0 and not 1.0 / _LARGEST < extent < _LARGEST:
             raise InputError(
-                f"the points span {extent:g} to either side of their middle, which squares cannot hold; scale them down"
+                f"the points span {extent:g} to either side of their middle, whose cube no float holds; scale them"
             )
-        self.scale = 2.0 ** math.frexp(extent)[1] if extent > 1e-150 else 1.0
+        self.scale = 2.0 ** math.frexp(extent)[1] if extent > 0.0 else 1.0
         self._points = (points - self.origin) / self.scale
 
     @property
