@@ -182,3 +182,14 @@ def test_a_sandwich_never_crosses_in_exact_arithmetic():
             uv, heights = upper.to_domain(points)
             assert upper.report.gap_mean == pytest.approx((upper(uv) - heights).mean(), rel=1e-6, abs=1e-12)
             assert lower.report.gap_mean == pytest.approx((heights - lower(uv)).mean(), rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize("base", [1e13, 1e14, 1e15, 1e16])
+@pytest.mark.parametrize("boundary", ["open", "clamped"])
+def test_a_sandwich_of_heights_that_differ_by_rounding_is_made(base, boundary):
+    """A lift of a few units of rounding was rounded away, four times, and the sandwich was given up."""
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        points = np.column_stack([rng.random((1000, 2)), base * (1.0 + 2e-15 * (rng.random(1000) < 0.5))])
+        upper, lower = surfel.sandwich(points, (1.0, 2.0, 3.0), shape=(15, 11), boundary=boundary)
+        assert upper.verify(points) == (0, 0.0) and lower.verify(points) == (0, 0.0)

@@ -17,6 +17,8 @@ from surfel.core.cast import Floats
 from surfel.core.errors import SurfelError
 from surfel.core.execute import Progress
 
+_TURNS = 16  # by the last one depths of rounding have been multiplied by thousands
+
 
 def sandwich(
     points: Any,
@@ -70,11 +72,12 @@ def apart(upper: SafeSpline, lower: SafeSpline) -> tuple[SafeSpline, SafeSpline]
     """Return two surfaces of one grid, moved from each other where the Bezier net of their difference is negative."""
     top, bottom = upper.coefficients, lower.coefficients
     clamped = upper.boundary == "clamped"
-    for _ in range(4):
+    for turn in range(_TURNS):
         depth = overlap(top, bottom)
         if not depth.max() > 0.0:
             return _moved(upper, top), _moved(lower, bottom)
-        top, bottom = raised(top, 0.51 * depth, clamped), -raised(-bottom, 0.51 * depth, clamped)
+        lift = 0.51 * 2.0**turn * depth  # a depth of a few units of rounding may be rounded away when it is added
+        top, bottom = raised(top, lift, clamped), -raised(-bottom, lift, clamped)
     raise SurfelError("two surfaces could not be moved apart; please report this with the points")
 
 
