@@ -29,6 +29,9 @@ REPLACED = 0.03
 LEFT = 0.001
 """Share of the area that strays are likely to have added from which it is said."""
 
+GAPS = 0.01
+"""Share of the area that spans gaps wider than chance makes them, from which it is said."""
+
 RAGGED = 0.025
 """Roughness of the points as they are, as a share of the area, above which neighbours do not lie on one surface."""
 
@@ -111,6 +114,12 @@ def measure_cloud(
         warnings.append(
             "not all strays near the surface can be told from it: those that are left are likely to make "
             f"the area {left / float(area.value):.1%} too large, for which its interval is wider"
+        )
+    gaps = surface.known[1].gaps / local.area
+    if gaps > GAPS:
+        warnings.append(
+            f"gaps several times as wide as the points lie apart, {gaps:.1%} of the area beyond what chance makes, "
+            "count as surface, for which the interval is wider; parts that were never scanned do not belong to it"
         )
     if surface.is_overlay:
         warnings.append(

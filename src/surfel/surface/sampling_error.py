@@ -19,6 +19,7 @@ import numpy as np
 
 from surfel.core.cast import Floats
 from surfel.surface.border import LEAST_SHARE, in_crease
+from surfel.surface.gaps import gap_area
 from surfel.surface.neighbourhoods import Neighbourhoods
 from surfel.surface.noise import axial_ranks
 from surfel.surface.patches import LocalPatches, local_patches
@@ -37,8 +38,9 @@ BORDER, BORDER_BIAS, CREASE, OPEN = 2.8, 0.1, 1.2, 1.6
 RELIEF, BENDS, UNSEEN_NOISE = 1.8, 0.3, 17.0
 LEFT_RELIEF, FLATTENED, DRAWN_IN, LEFT_NOISE, WIDENED = 0.7, 3.1, 1.7, 0.35, 1.15
 FLOOR = 4e-4
+GAPS = 1.25
 """How much each part counts in the half-width of a 95 % interval. The bias of a border is in cells, not in shares:
-those of random points are larger, and no less certain."""
+those of random points are larger, and no less certain. Of gaps narrower ones go unseen beside those that are seen."""
 
 SCALED = 1.06
 """The number by which the whole is scaled, so that 95 % of the calibrating clouds are held."""
@@ -62,6 +64,8 @@ class SamplingError:
         How the two halves differ.
     floor : float
         What is never claimed to be known.
+    gaps : float
+        Triangles wider than chance makes them, which may span parts that were never scanned.
     """
 
     border: float
@@ -70,12 +74,13 @@ class SamplingError:
     thinning: float
     halves: float
     floor: float
+    gaps: float = 0.0
 
     @property
     def half_width(self) -> float:
-        """The root of the sum of squares of the parts, scaled."""
+        """The root of the sum of squares of the parts, scaled but for the gaps."""
         parts = (self.border, self.roughness, self.noise, self.thinning, self.halves, self.floor)
-        return SCALED * math.sqrt(sum(part * part for part in parts))
+        return math.hypot(SCALED * math.hypot(*parts), self.gaps)
 
     @property
     def standard_error(self) -> float:
@@ -102,7 +107,8 @@ def sampling_error(hood: Neighbourhoods, normals: Floats | None, whole: LocalPat
     """
     thinning, halves = _thinned(hood, normals, whole)
     beyond = max(0.0, THINNED * thinning - float(whole.doubt.sum()))  # halves of a grid have another border
-    return SamplingError(_border(whole), _roughness(whole), _noise(whole), beyond, THINNED * halves, FLOOR * whole.area)
+    parts = _border(whole), _roughness(whole), _noise(whole), beyond, THINNED * halves
+    return SamplingError(*parts, FLOOR * whole.area, GAPS * gap_area(whole.hood, whole.cells))
 
 
 def _border(whole: LocalPatches) -> float:
