@@ -18,6 +18,9 @@ from surfel.surface.strays import REACH
 LINK = 2.5
 """Points no farther from each other than this many of the spacings about them belong together."""
 
+MOST = 0.2
+"""With a larger share of the points apart the cloud shows no surface, and nothing can stray from it."""
+
 
 def strays_apart(
     points: Floats, squared: Floats, neighbours: NDArray[np.int32], spacing: Floats, strays: NDArray[np.int64]
@@ -47,7 +50,7 @@ def strays_apart(
         _link(n, spacing, neighbours, link)
     _count(points, neighbours, link, size)
     apart = np.flatnonzero((size > 0) & (size < FEW))
-    if not len(apart):
+    if not 0 < len(apart) <= MOST * n:
         return far, off
     ignored = (size < FEW).astype(np.uint8)
     outside = _first_of(neighbours[apart], ignored)

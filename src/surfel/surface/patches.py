@@ -34,8 +34,9 @@ FAR, BEYOND, FAR_BEYOND = 64, 128, 512
 """Neighbours that cells are asked again with where the nearest do not settle them; and where, besides, the points lie
 denser than those that come next, or so many times denser that these are not among the first."""
 
-STEEP_JUMP, STEEP_SHARE = 3.0, 0.005
-"""How many times farther apart points lie beyond a jump of density that is as steep, and how large a share of them."""
+STEEP_JUMP, STEEP_SHARE, STEEP_FEW = 3.0, 0.005, 12
+"""How many times farther apart points lie beyond a jump of density that is as steep; what share of them is denser than
+what counts as dense, and how many are sparser than what counts as sparse."""
 
 FINE_RELIEF_GIVEN, FINE_RELIEF_FITTED = 0.75, 1.0
 """How much of the roughness that the normals show between points counts. Given normals show all of it, some of which
@@ -257,7 +258,8 @@ def _settled_cells(
         return cells
     for rows in in_blocks(np.flatnonzero(cells.secure == 0).astype(np.int32)):
         clip(rows, hood.index.knn(min(FAR, n - 1), rows)[1], final=True)
-    dense, sparse = np.quantile(hood.spacing, [STEEP_SHARE, 1.0 - STEEP_SHARE])
+    dense, few = float(np.quantile(hood.spacing, STEEP_SHARE)), min(STEEP_FEW, n)
+    sparse = float(np.partition(hood.spacing, -few)[-few])
     for beyond in (BEYOND, FAR_BEYOND) if sparse > STEEP_JUMP * dense else (BEYOND,):
         for rows in in_blocks(np.flatnonzero(cells.closed == 0).astype(np.int32)):
             wide = hood.index.knn(min(beyond, n - 1), rows)[1]
