@@ -18,6 +18,7 @@ from benchmarks.tables import busy, made_on, table
 SIZE = (1024, 768)
 CAMERA = surfel.Camera((2.2, -2.9, 1.7), (0, 0, 0), field=42)
 BITE = (0.5, -0.7, 0.3)
+CYLINDER, BOX = surfel.Cylinder(radius=0.5, height=1.8), surfel.Box(1.2)
 
 
 def ball(n: int, radius: float = 1.0, centre: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> surfel.Surfels:
@@ -183,20 +184,32 @@ def random_torus(n: int, small: float) -> surfel.Surfels:
     return surfel.Surfels(np.column_stack([np.cos(u), np.sin(u), 0.0 * u]) + small * normals, normals=normals)
 
 
+def random_points(solid: Any, n: int) -> surfel.Surfels:
+    """Return random points of an exact solid with their normals; none lie on its edges."""
+    found = surfel.sample(solid, n)
+    return surfel.Surfels(found.points, normals=found.normals)
+
+
 def _outlines(quick: bool) -> str:
-    """Return how well splats, and the reference itself, which crosses triangles, keep to outlines that are known."""
+    """Return how well splats, and the reference itself, keep to outlines that are known."""
+    cases: dict[str, tuple[Any, Callable[[int], surfel.Surfels]]] = {
+        "torus 1 and 0.4": (surfel.Torus(1.0, 0.4), lambda n: random_torus(n, 0.4)),
+        "torus 1 and 0.1": (surfel.Torus(1.0, 0.1), lambda n: random_torus(n, 0.1)),
+        "cylinder": (CYLINDER, lambda n: random_points(CYLINDER, n)),
+        "box": (BOX, lambda n: random_points(BOX, n)),
+    }
     lines = []
     for n in (5_000,) if quick else (5_000, 20_000):
-        for small in (0.4, 0.1):
-            truth = surfel.render(surfel.Torus(1.0, small), CAMERA, SIZE, smooth=False).ids >= 0
+        for name, (solid, make) in cases.items():
+            truth = surfel.render(solid, CAMERA, SIZE, smooth=False).ids >= 0
             found = []
             for how in (False, True):
-                image = surfel.render(random_torus(n, small), CAMERA, SIZE, smooth=False, reference=how).ids >= 0
+                image = surfel.render(make(n), CAMERA, SIZE, smooth=False, reference=how).ids >= 0
                 found += [np.count_nonzero(image & ~truth), np.count_nonzero(truth & ~image)]
             share = (f"{100 * value / np.count_nonzero(truth):.3f} %" for value in found)
-            lines.append((f"torus 1 and {small:g}, {n:,} random points", *share))
+            lines.append((f"{name}, {n:,} random points", *share))
     head = ("outline against the exact surface", "splats: beyond", "within", "reference: beyond", "within")
-    return table(head, lines) + "The reference crosses triangles between the points, below a convex surface.\n"
+    return table(head, lines) + "The reference crosses the curved sheets that points and normals tell of.\n"
 
 
 def _scans() -> list[tuple[str, Path]]:

@@ -44,3 +44,10 @@ def test_cut_clouds_of_repeated_points():
     other = ball(1200, 0.6, (0.8, -0.5, 0.3))
     one, two = (surfel.render(shape - other, size=SIZE) for shape in (cloud, many))
     assert one.covered > 0.2 and np.count_nonzero(one.ids != two.ids) <= 12
+
+
+def test_a_point_far_from_all_others_is_drawn_no_larger_than_they_are():
+    x, y = (part.ravel() for part in np.meshgrid(np.linspace(-1, 1, 100), np.linspace(-1, 1, 100)))
+    points = np.column_stack([np.concatenate([x, [0.1]]), np.concatenate([y, [0.2]]), np.append(0.05 * x, 0.6)])
+    splats = splats_of(surfel.Surfels(points))
+    assert splats.radii[np.argmax(splats.places()[:, 2])] <= 1.5 * np.median(splats.radii)

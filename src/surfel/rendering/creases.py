@@ -13,8 +13,9 @@ from surfel.core.cast import Booleans, Floats
 SPREAD = 0.7
 """Neighbours whose normals make a smaller cosine than this lie over a crease."""
 
-_MOST = 2  # other sheets: three meet in a corner
+_MOST = 4  # other sheets: three meet in a corner, and more round a large disk at the rim of a bent face
 _ONE_SHEET = 0.85  # least cosine among the normals of one sheet; vertices on an edge have a normal between two
+_ON_EDGE = 0.1  # over the radius: a surfel that lies no farther off the other sheet may lie on the edge itself
 _FEW = 2  # surfels that agree make a sheet; a single one may be a stray
 
 
@@ -23,9 +24,10 @@ def crease_planes(
 ) -> tuple[Booleans, NDArray[np.int64], Floats]:
     """Return which surfels lie near a crease, and the planes that cut their disks there, as compressed rows.
 
-    Where the nearest surfels of a disk lie on two or three sheets, and another sheet meets the disk's own in a convex
-    edge, the disk ends at that sheet. The height over it is the mean of those over the tangent planes and over the mean
-    plane, which has no error of second order where the sheet is bent (:mod:`surfel.inside.sheets`).
+    Where some of the nearest surfels of a disk lie on other sheets, and such a sheet meets the disk's own in a convex
+    edge, the disk ends at it. What lies on it is told by the nearest surfel there and its own neighbours: near the disk
+    there may be one alone. The height over it is the mean of those over the tangent planes and over the mean plane,
+    which has no error of second order where the sheet is bent (:mod:`surfel.inside.sheets`).
 
     Parameters
     ----------
@@ -67,12 +69,16 @@ def _find(first, last, points, normals, radii, near, creased, counts, found):
             mx = my = mz = px = py = pz = total = height = 0.0
             number = 0
             nearest = -1.0
+            lx, ly, lz = normals[lead, 0], normals[lead, 1], normals[lead, 2]
             for a in range(near.shape[1]):
                 j = near[i, a]
+                alike = normals[j, 0] * lx + normals[j, 1] * ly + normals[j, 2] * lz >= _ONE_SHEET
+                taken[a] = taken[a] or alike
+            for a in range(-1, near.shape[1]):
+                j = lead if a < 0 else near[lead, a]
                 ax, ay, az = normals[j, 0], normals[j, 1], normals[j, 2]
-                if taken[a] or ax * normals[lead, 0] + ay * normals[lead, 1] + az * normals[lead, 2] < _ONE_SHEET:
+                if ax * lx + ay * ly + az * lz < _ONE_SHEET:
                     continue
-                taken[a] = True
                 dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
                 square = dx * dx + dy * dy + dz * dz
                 if nearest < 0.0:
@@ -88,10 +94,11 @@ def _find(first, last, points, normals, radii, near, creased, counts, found):
                 continue
             mx, my, mz = mx / length, my / length, mz / length
             px, py, pz = px / total, py / total, pz / total
-            # convex: each sheet lies below the other one
-            if px * nx + py * ny + pz * nz > 0.0 or mx * px + my * py + mz * pz < 0.0:
+            # convex: each sheet lies below the other one; of a surfel on the edge that is hardly told
+            over, under, slack = px * nx + py * ny + pz * nz, mx * px + my * py + mz * pz, _ON_EDGE * radii[i]
+            if over > slack or under < -slack or under <= over:
                 continue
-            d = 0.5 * (height / total + mx * px + my * py + mz * pz)
+            d = max(0.5 * (height / total + under), 0.0)
             k = counts[i]
             found[i, k, 0], found[i, k, 1], found[i, k, 2], found[i, k, 3] = mx, my, mz, d
             counts[i] = k + 1

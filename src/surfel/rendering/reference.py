@@ -5,23 +5,31 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from surfel.core.cast import Floats
+from surfel.core.cast import Booleans, Floats
 from surfel.core.execute import blocks
-from surfel.rendering.cast import first_hits
+from surfel.rendering.camera import Camera
+from surfel.rendering.cast import Hits, Sight, cloud_at, first_hits
+from surfel.rendering.curved import Curved
 from surfel.rendering.fragments import Fragments
 from surfel.rendering.frame import Frame
 from surfel.rendering.places import CENTRE, Places
-from surfel.rendering.scene import Item
+from surfel.rendering.scene import Item, Scene
+from surfel.rendering.verdicts import kept
+from surfel.shapes.surfels import Surfels
 
 _BLOCK = 1 << 17
 
 
 class Reference(Frame):
-    """A frame in which clouds are crossed as they are for measuring: by their fans, one event for each sheet.
+    """A frame in which clouds are crossed as curved sheets.
 
     Whether the tree keeps an event is asked at its place, not by parity along the line: a line that has come in through
     a hole of a scan would not know.
     """
+
+    def __init__(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> None:
+        super().__init__(scene, camera, size)
+        self._sheets: dict[Surfels, Curved] = {}
 
     def grid(self) -> Fragments:
         """Return what is seen at the centre of every pixel, row after row."""
@@ -44,7 +52,29 @@ class Reference(Frame):
             if item.cast:
                 hits = first_hits(item.shape, looking)
             else:
-                limit = np.full(last - first, np.inf, np.float32)
-                hits = self._first_kept(item, range(len(item.leaves)), looking, limit)
+                hits = self._first_kept(item, item.exact, looking, np.full(last - first, np.inf, np.float32))
+                self._cross_clouds(item, looking, hits)
             met = np.flatnonzero(hits.leaf >= 0)
             seen.put(rows[run][met], self._described(item, looking, hits, met))
+
+    def _cross_clouds(self, item: Item, looking: Sight, hits: Hits) -> None:
+        """Put the first passages through curved sheets that a tree keeps into hits, where they are nearer."""
+        for k, leaf in enumerate(item.leaves):
+            if not isinstance(leaf, Surfels):
+                continue
+
+            def keeps(rows: NDArray[np.int64], t: Floats, side: Floats, k: int = k, leaf: Surfels = leaf) -> Booleans:
+                along = looking.lines.directions[rows]
+                points = looking.lines.origins[rows] + t[:, None] * along
+                toward = cloud_at(leaf, points, along)[0]
+                return kept(item, k, points, np.where(side[:, None] > 0.0, -toward, toward), self.scene.reach)
+
+            t, side = self._curved(leaf).first(looking, keeps)
+            nearer = t < hits.t
+            hits.t[nearer], hits.cosine[nearer], hits.leaf[nearer] = t[nearer], side[nearer], k
+
+    def _curved(self, cloud: Surfels) -> Curved:
+        """Return the curved sheets of a cloud, made once."""
+        if cloud not in self._sheets:
+            self._sheets[cloud] = Curved(cloud)
+        return self._sheets[cloud]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from surfel.core.cast import Booleans, Floats
 from surfel.index.neighbours import PointIndex
+from surfel.inside.spacings import WIDE
 from surfel.rendering.bends import bends_of
 from surfel.rendering.cover import covering_radii
 from surfel.rendering.creases import crease_planes
@@ -137,8 +138,8 @@ def _splats_of(cloud: Surfels) -> Splats:
     else:
         axes = cloud.axes[order].reshape(-1, 6)
         radii = np.sqrt(np.maximum((axes[:, :3] ** 2).sum(axis=1), (axes[:, 3:] ** 2).sum(axis=1)))
-    near = np.ascontiguousarray(near[:, :AROUND])
     creased, own_clips, own_planes = crease_planes(index.points, normals, radii, near)
+    near = np.ascontiguousarray(near[:, :AROUND])
     rounded = creased & (np.diff(own_clips) == 0)
     bends = np.zeros(len(order)) if axes is not None else bends_of(index.points, normals, radii, near, rounded)
     clips, planes = _joined(own_clips, own_planes, *_given_clips(cloud, order))
@@ -191,6 +192,10 @@ def _radii(cloud: Surfels, order: NDArray[np.int32], squares: Floats) -> Floats:
         some = reach[reach > 0.0]
         usual = float(np.median(some)) if len(some) else 1e-3 * max(1.0, float(np.abs(cloud.points).max()))
         reach = np.minimum(np.where(reach > 0.0, reach, usual), _LARGEST * usual)
+        if (reach > WIDE * usual).any():  # no smaller ones are strays
+            lone = np.zeros(len(cloud), np.bool_)
+            lone[cloud.operand.order] = cloud.operand.strays
+            reach[lone[order]] = usual
     if cloud.radii is None:
         return reach
     given = cloud.radii[order]
