@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from surfel._numba import rows, threads_for
 from surfel._vec import tangent_frame
-from surfel.core.cast import Floats
+from surfel.core.cast import Booleans, Floats
 
 _DIRECTIONS = 16
 _FARTHEST = 2.0  # times the reach; where a cell goes on beyond this the surface ends, and nothing is to be covered
@@ -17,8 +17,8 @@ _BESIDE = 1.06  # the corner of a cell lies between two directions
 _BEYOND = 1.1  # of what would do: less leaves holes between random points, more swells silhouettes
 
 
-def covering_radii(points: Floats, normals: Floats, near: NDArray[np.int32], reach: Floats) -> Floats:
-    """Return radii with which disks hold the farthest corner of their cells, at least ``reach``.
+def covering_radii(points: Floats, normals: Floats, near: NDArray[np.int32], reach: Floats) -> tuple[Floats, Booleans]:
+    """Return radii with which disks hold the farthest corner of their cells, at least ``reach``, and which are open.
 
     The cell of a surfel ends, in each of some directions in its plane, at the first of the lines midway to its
     neighbours. Points at random have cells far longer than their nearest neighbours tell.
@@ -32,15 +32,15 @@ def covering_radii(points: Floats, normals: Floats, near: NDArray[np.int32], rea
     reach : Floats, shape (n,)
         Radii that disks have at least, and that surfels at a border keep.
     """
-    radii = reach.copy()
+    radii, opened = reach.copy(), np.zeros(len(points), np.bool_)
     angle = np.arange(_DIRECTIONS) * (2.0 * math.pi / _DIRECTIONS)
     with threads_for(4 * len(points)):
-        _cover(len(points), points, normals, near, np.cos(angle), np.sin(angle), radii)
-    return radii
+        _cover(len(points), points, normals, near, np.cos(angle), np.sin(angle), radii, opened)
+    return radii, opened
 
 
 @rows
-def _cover(first, last, points, normals, near, cosines, sines, radii):
+def _cover(first, last, points, normals, near, cosines, sines, radii, opened):
     k = near.shape[1]
     across, along, half = np.empty(k), np.empty(k), np.empty(k)
     for i in range(first, last):
@@ -58,5 +58,6 @@ def _cover(first, last, points, normals, near, cosines, sines, radii):
                 if slope > 0.0 and half[m] < end * slope:
                     end = half[m] / slope
             longest = max(longest, end)
+        opened[i] = longest > _FARTHEST * radii[i]
         if radii[i] < _BESIDE * longest <= _FARTHEST * radii[i]:
             radii[i] = _BEYOND * longest

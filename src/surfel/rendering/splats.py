@@ -16,6 +16,7 @@ from surfel.inside.spacings import WIDE
 from surfel.rendering.bends import bends_of
 from surfel.rendering.cover import covering_radii
 from surfel.rendering.creases import crease_planes
+from surfel.rendering.rims import rim_planes
 from surfel.shapes.judged import outward_normals
 from surfel.shapes.surfels import Surfels
 
@@ -132,17 +133,19 @@ def _splats_of(cloud: Surfels) -> Splats:
         squares, near = _neighbours(index)
     normals = found[order]
     normals[~normals.any(axis=1)] = [0.0, 0.0, 1.0]  # any, where none is known
-    axes = None
+    axes, opened = None, np.zeros(len(order), np.bool_)
     if cloud.axes is None:
-        radii = covering_radii(index.points, normals, near, _radii(cloud, order, squares))
+        radii, opened = covering_radii(index.points, normals, near, _radii(cloud, order, squares))
     else:
         axes = cloud.axes[order].reshape(-1, 6)
         radii = np.sqrt(np.maximum((axes[:, :3] ** 2).sum(axis=1), (axes[:, 3:] ** 2).sum(axis=1)))
-    creased, own_clips, own_planes = crease_planes(index.points, normals, radii, near)
+    creased, own_clips, own_planes = crease_planes(index.points, normals, radii, near, _kept(squares))
+    rims = rim_planes(index, normals, radii, near, opened)
     near = np.ascontiguousarray(near[:, :AROUND])
     rounded = creased & (np.diff(own_clips) == 0)
     bends = np.zeros(len(order)) if axes is not None else bends_of(index.points, normals, radii, near, rounded)
-    clips, planes = _joined(own_clips, own_planes, *_given_clips(cloud, order))
+    ends = _given_clips(cloud, order) if cloud.clips is not None else rims
+    clips, planes = _joined(own_clips, own_planes, *ends)
     colors = None if cloud.colors is None else eight_bit(cloud.colors)[order]
     pose = np.column_stack([np.eye(3), index.origin])
     return Splats(index, order, normals, radii, bends, colors, axes, creased, clips, planes, pose)
@@ -203,14 +206,20 @@ def _radii(cloud: Surfels, order: NDArray[np.int32], squares: Floats) -> Floats:
 
 
 def _reach(squares: Floats) -> float:
-    """Return how far beyond the sixth neighbour disks reach: points at random leave holes where even ones do not.
+    """Return how far beyond the sixth neighbour disks reach: points at random leave holes where even ones do not."""
+    return float(np.interp(_evenness(squares), [0.4, 0.8], [1.3, 1.0]))
 
-    How even they are is told by the nearest neighbour: of points at random it is 0.4 times as far as the sixth.
-    """
+
+def _kept(squares: Floats) -> float:
+    """Return how much of the radius of a disk is kept where a sheet bends, so that no holes are left."""
+    return float(np.interp(_evenness(squares[:, :NEIGHBOUR]), [0.4, 0.5], [0.7, 0.0])) if squares.shape[1] else 0.0
+
+
+def _evenness(squares: Floats) -> float:
+    """Return how much nearer the nearest neighbour is than the sixth: 0.4 times as far of points at random."""
     with np.errstate(invalid="ignore", divide="ignore"):
         even = np.sqrt(squares[:, 0] / squares[:, -1])
-    usual = float(np.median(even[np.isfinite(even)])) if np.isfinite(even).any() else 0.0
-    return float(np.interp(usual, [0.4, 0.8], [1.3, 1.0]))
+    return float(np.median(even[np.isfinite(even)])) if np.isfinite(even).any() else 0.0
 
 
 def _given_clips(cloud: Surfels, order: NDArray[np.int32]) -> tuple[NDArray[np.int64], Floats]:
