@@ -88,3 +88,9 @@ def test_a_thin_bent_surface_has_no_holes(radius):
     truth = surfel.render(surfel.Cylinder(radius=radius, height=4.0), camera, SIZE, smooth=False)
     open_places = (truth.ids >= 0) & ((found.ids < 0) | (found.depth > truth.depth + 0.7 * radius))
     assert np.count_nonzero(open_places) <= 0.002 * np.count_nonzero(truth.ids >= 0)
+
+
+@pytest.mark.parametrize("number", [1, 2, 5, 9, 40])
+def test_few_points_and_wires_keep_whole_disks(number):
+    along = np.linspace(0.2, 0.8, number)
+    assert len(splats_of(flat(np.column_stack([along, 0.5 + 0.05 * np.sin(4.0 * along)]))).planes) == 0

@@ -14,8 +14,9 @@ from surfel.index.neighbours import PointIndex
 
 _MOST = 4  # planes for each disk, the nearest ones
 _ALIKE = 0.2  # least cosine of normals of points of one sheet
-_WIDE = 48  # neighbours that are asked whether the surface ends
-_EMPTY = 2.2  # radians: so wide is the sector without any of them, where it does
+_WIDE = 128  # neighbours that are asked whether the surface ends; beyond a slit it goes on
+_EMPTY, _MOST_EMPTY = 2.2, 5.5  # radians: the sector without any of them, where it does; wires have two, or a wider one
+_FEW = 8  # points at least: fewer show no surface
 
 
 def rim_planes(
@@ -44,7 +45,7 @@ def rim_planes(
     sides, planes = np.zeros(n, np.int64), np.empty((n, 2, 3))
     chosen = np.flatnonzero(opened).astype(np.int32)
     counts, found = np.zeros(n, np.int64), np.empty((n, _MOST, 4))
-    if len(chosen):
+    if len(chosen) and n > _FEW:
         wide = index.knn(min(_WIDE, n - 1), chosen)[1]
         with threads_for(16 * len(chosen)):
             _find(len(chosen), chosen, index.points, normals, wide, sides, planes)
@@ -66,11 +67,14 @@ def _find(first, last, chosen, points, normals, near, sides, planes):
             dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
             angle[a] = math.atan2(dx * vx + dy * vy + dz * vz, dx * ux + dy * uy + dz * uz)
         order = np.sort(angle)
-        widest, start = order[0] + 2.0 * math.pi - order[k - 1], order[k - 1]
+        widest, start, second = order[0] + 2.0 * math.pi - order[k - 1], order[k - 1], 0.0
         for a in range(k - 1):
-            if order[a + 1] - order[a] > widest:
-                widest, start = order[a + 1] - order[a], order[a]
-        if widest < _EMPTY:
+            sector = order[a + 1] - order[a]
+            if sector > widest:
+                widest, start, second = sector, order[a], widest
+            else:
+                second = max(second, sector)
+        if widest < _EMPTY or second > _EMPTY or widest > _MOST_EMPTY:
             continue
         if widest >= math.pi:
             sides[i] = 2
