@@ -42,8 +42,11 @@ IN_PART, AROUND = 0.5, 12
 _SAMPLE, _NEIGHBOURS = 20_000, 12
 
 
-def layers_level(hood: Neighbourhoods) -> float:
-    """Return the noise, in spacings, that layers laid over each other make; 0 where there are none."""
+def layers_level(hood: Neighbourhoods, *, parts: bool = True) -> float:
+    """Return the noise, in spacings, that layers laid over each other make; 0 where there are none.
+
+    ``parts`` says whether those of a part of the cloud count: thin walls look like them.
+    """
     if hood.near.shape[1] < _NEIGHBOURS:
         return 0.0
     chosen = sample_rows(hood.points, _SAMPLE)
@@ -52,7 +55,7 @@ def layers_level(hood: Neighbourhoods) -> float:
     above = np.flatnonzero((apart < ABOVE) & (step < SHEETS_TO))
     step, off = step[above], step[above] > apart[above]
     level = _level_of(step, off)
-    return level if level > 0.0 else _level_in_part(hood.points[chosen[above]], step, off)
+    return level if level > 0.0 or not parts else _level_in_part(hood.points[chosen[above]], step, off)
 
 
 def _level_of(step: Floats, off: NDArray[np.bool_]) -> float:

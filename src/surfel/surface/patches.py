@@ -159,7 +159,7 @@ def _level(hood: Neighbourhoods, normals: Floats | None) -> tuple[float, bool, b
     were rounded, or lie above each other.
     """
     level, steps = noise_level(hood.index), step_level(hood)
-    layers = layers_level(hood)
+    layers = layers_level(hood, parts=normals is None)
     known = max(rounding_level(hood), layers)
     level = max(known, steps if steps > 0.0 and level < DENIED_BELOW else max(level, steps))
     if normals is None:
