@@ -135,7 +135,7 @@ def _splats_of(cloud: Surfels) -> Splats:
     normals[~normals.any(axis=1)] = [0.0, 0.0, 1.0]  # any, where none is known
     axes, opened = None, np.zeros(len(order), np.bool_)
     if cloud.axes is None:
-        radii, opened = covering_radii(index.points, normals, near, _radii(cloud, order, squares))
+        radii, opened = covering_radii(index, normals, near, _radii(cloud, order, squares))
     else:
         axes = cloud.axes[order].reshape(-1, 6)
         radii = np.sqrt(np.maximum((axes[:, :3] ** 2).sum(axis=1), (axes[:, 3:] ** 2).sum(axis=1)))
